@@ -1,0 +1,3 @@
+//! Each operation beside the same one of its peer.
+
+fn main() {}

@@ -1,0 +1,3 @@
+//! The `lobula` binary.
+
+fn main() {}

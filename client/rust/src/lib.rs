@@ -1,0 +1,1 @@
+//! Client of lobulad: subscribe, wait, control.

@@ -1,0 +1,77 @@
+//! The decoder's side of the ledgers: every byte and every event is in exactly one count.
+
+/// What can be wrong with a word; each is counted, skipped, and harms nothing else.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(usize)]
+pub enum Fault {
+    /// A type of word the format does not define.
+    UnknownWord = 0,
+    /// An event or trigger before the stream told its time, at the start or after a gap.
+    BeforeTime = 1,
+    /// An event before the stream told its row (EVT3 ADDR_Y).
+    BeforeRow = 2,
+    /// A vector before the stream told its base (EVT3 VECT_BASE_X).
+    BeforeBase = 3,
+    /// A word cut short by the end of the stream or a gap.
+    CutShort = 4,
+}
+
+impl Fault {
+    /// Every kind, in the order of their counts.
+    pub const ALL: [Self; 5] =
+        [Self::UnknownWord, Self::BeforeTime, Self::BeforeRow, Self::BeforeBase, Self::CutShort];
+
+    /// The name in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::UnknownWord => "unknown_word",
+            Self::BeforeTime => "before_time",
+            Self::BeforeRow => "before_row",
+            Self::BeforeBase => "before_base",
+            Self::CutShort => "cut_short",
+        }
+    }
+}
+
+/// Number of malformed words, by kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Faults([u64; Fault::ALL.len()]);
+
+impl Faults {
+    /// Counts one more.
+    #[inline]
+    pub fn count(&mut self, fault: Fault) {
+        if let Some(n) = self.0.get_mut(fault as usize) {
+            *n += 1;
+        }
+    }
+
+    /// How many of this kind.
+    pub fn get(&self, fault: Fault) -> u64 {
+        self.0.get(fault as usize).copied().unwrap_or_default()
+    }
+
+    /// How many in all.
+    pub fn total(&self) -> u64 {
+        self.0.iter().sum()
+    }
+}
+
+/// What a decoder has done since it was made.
+///
+/// `bytes taken = bytes_decoded + bytes_faulty + pending`, and `events = events handed to the sink + off_sensor`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Bytes of well-formed words.
+    pub bytes_decoded: u64,
+    /// Bytes of malformed words.
+    pub bytes_faulty: u64,
+    /// Events decoded, those off the sensor included.
+    pub events: u64,
+    /// Events whose pixel is not on the sensor: dropped.
+    pub off_sensor: u64,
+    /// External triggers decoded.
+    pub triggers: u64,
+    /// Malformed words by kind.
+    pub faults: Faults,
+}

@@ -1,0 +1,97 @@
+//! One brightness change at one pixel, the unit of everything.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Direction of a brightness change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[repr(u8)]
+pub enum Polarity {
+    /// Darker.
+    Off = 0,
+    /// Brighter.
+    On = 1,
+}
+
+impl Polarity {
+    /// The polarity of a bit: 1 is ON, as in every Prophesee format.
+    #[inline]
+    pub const fn from_bit(bit: u16) -> Self {
+        if bit & 1 == 1 { Self::On } else { Self::Off }
+    }
+}
+
+/// One brightness change at one pixel: 8 bytes of plain data, the same in registers, rings and shared memory.
+///
+/// Time is the sensor's, in µs, modulo 2^32; the [`Block`](crate::Block) around it knows the full 64 bits.
+///
+/// ```
+/// use lobula_core::{Event, Polarity};
+/// let event = Event::new(1_000_000, 640, 360, Polarity::On);
+/// assert_eq!((event.t(), event.x(), event.y(), event.polarity()), (1_000_000, 640, 360, Polarity::On));
+/// ```
+#[derive(Clone, Copy, Default, PartialEq, Eq, Hash, Pod, Zeroable)]
+#[repr(C)]
+pub struct Event {
+    t: u32,
+    x: u16,
+    y_on: u16,
+}
+
+impl Event {
+    /// Bit of the second coordinate's word that holds the polarity.
+    pub const ON_BIT: u16 = 0x8000;
+
+    /// An event; of `y` the low 15 bits are kept, which is more than any sensor has.
+    #[inline]
+    pub const fn new(t: u32, x: u16, y: u16, polarity: Polarity) -> Self {
+        Self { t, x, y_on: (y & !Self::ON_BIT) | ((polarity as u16) << 15) }
+    }
+
+    /// Sensor time in µs, modulo 2^32.
+    #[inline]
+    pub const fn t(self) -> u32 {
+        self.t
+    }
+
+    /// Column, from the left.
+    #[inline]
+    pub const fn x(self) -> u16 {
+        self.x
+    }
+
+    /// Row, from the top.
+    #[inline]
+    pub const fn y(self) -> u16 {
+        self.y_on & !Self::ON_BIT
+    }
+
+    /// Whether the pixel became brighter.
+    #[inline]
+    pub const fn is_on(self) -> bool {
+        self.y_on & Self::ON_BIT != 0
+    }
+
+    /// Direction of the change.
+    #[inline]
+    pub const fn polarity(self) -> Polarity {
+        Polarity::from_bit(self.y_on >> 15)
+    }
+}
+
+impl core::fmt::Debug for Event {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "t={} x={} y={} p={}", self.t, self.x, self.y(), self.is_on() as u8)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn layout_is_eight_plain_bytes() {
+        let event = Event::new(0x0403_0201, 0x0605, 0x0007, Polarity::On);
+        assert_eq!(bytemuck::bytes_of(&event), [1, 2, 3, 4, 5, 6, 7, 0x80]);
+    }
+}

@@ -1,0 +1,33 @@
+//! # lobula-core
+//!
+//! The streaming core of Lobula: from the bytes of an event camera to filtered events and dense tensors, a packet at
+//! a time, in memory that the caller brings. No heap, no clock, no I/O, no panic; the same bits on a microcontroller,
+//! on the robot and offline.
+//!
+//! ```text
+//!  &[u8] ─▶ wire (Decode) ─▶ Block ─▶ filter (Filter) ─▶ Block ─▶ window (Slicer) ─▶ representation ─▶ &mut [Pixel]
+//! ```
+//!
+//! Features: `std` (CPU detection for SIMD kernels), `alloc` + `serde` (chains and views built from a Spec).
+#![cfg_attr(not(any(test, feature = "std")), no_std)]
+
+#[cfg(feature = "alloc")]
+extern crate alloc;
+
+mod block;
+mod counters;
+mod event;
+mod geometry;
+mod stage;
+mod trigger;
+mod unwrap;
+
+pub use block::{Block, SPAN_MAX_US, Sink, Span, full_time};
+pub use counters::{Counters, Fault, Faults};
+pub use event::{Event, Polarity};
+pub use geometry::{Geometry, WrongGeometry};
+pub use stage::{
+    Decode, Detector, Encode, Encoded, Filter, Refused, Representation, Shape, Transform, Window,
+};
+pub use trigger::Trigger;
+pub use unwrap::Unwrap;

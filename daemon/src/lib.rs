@@ -1,0 +1,1 @@
+//! The daemon as a library, so that one binary can also serve.

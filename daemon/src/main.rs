@@ -1,0 +1,3 @@
+//! The binary of the installed service.
+
+fn main() {}
