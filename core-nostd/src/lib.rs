@@ -22,6 +22,8 @@ mod stage;
 mod trigger;
 mod unwrap;
 
+pub mod wire;
+
 pub use block::{Block, SPAN_MAX_US, Sink, Span, full_time};
 pub use counters::{Counters, Fault, Faults};
 pub use event::{Event, Polarity};

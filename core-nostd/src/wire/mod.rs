@@ -1,0 +1,3 @@
+//! Wire formats: the bytes that cameras send, decoded and encoded.
+
+pub mod evt3;
