@@ -24,6 +24,13 @@ mod unwrap;
 
 pub mod wire;
 
+pub mod math;
+pub mod representation;
+mod window;
+
+#[cfg(all(feature = "alloc", feature = "serde"))]
+pub mod chain;
+
 pub use block::{Block, SPAN_MAX_US, Sink, Span, full_time};
 pub use counters::{Counters, Fault, Faults};
 pub use event::{Event, Polarity};
@@ -33,3 +40,6 @@ pub use stage::{
 };
 pub use trigger::Trigger;
 pub use unwrap::Unwrap;
+pub use window::{BadPeriod, Closed, Piece, Slicer};
+
+pub use half::f16;

@@ -15,7 +15,11 @@ pub fn data(name: &str) -> Option<PathBuf> {
         return Some(path);
     }
     let ci = std::env::var_os("CI").is_some_and(|ci| ci == "true");
-    assert!(!ci, "CI=true but {} is absent: set LOBULA_SHARED to the folder that holds data/", path.display());
+    assert!(
+        !ci,
+        "CI=true but {} is absent: set LOBULA_SHARED to the folder that holds data/",
+        path.display()
+    );
     eprintln!("skipped: {} is absent (set LOBULA_SHARED to the folder that holds data/)", path.display());
     None
 }

@@ -1,0 +1,390 @@
+//! A view: tensors of a stream at a fixed period, from settings, into bytes that someone else owns.
+//!
+//! The daemon drives it over shared-memory samples, the offline reader over memory of its own: the same code, so the
+//! same bytes.
+
+use alloc::boxed::Box;
+use alloc::string::String;
+use alloc::vec;
+
+use bytemuck::{Pod, Zeroable};
+use serde::{Deserialize, Serialize};
+
+use crate::representation::{BadRepresentation, Build, Dtype, Kind, Parameters, Pixel};
+use crate::{
+    BadPeriod, Closed, Geometry, Piece, Representation, Shape, Slicer, Span, Window, WrongGeometry,
+    for_each_representation,
+};
+
+/// Settings of a view. Keys that are unknown or mean nothing to the kind are errors.
+///
+/// ```
+/// use lobula_core::Geometry;
+/// use lobula_core::chain::{View, ViewSpec};
+/// let spec: ViewSpec = serde_json::from_str(r#"{"name": "vox", "kind": "voxel_grid", "period_us": 10000}"#)?;
+/// let view = View::try_new(&spec, Geometry::new(1280, 720))?;
+/// assert_eq!(view.len_bytes(), 5 * 720 * 1280 * 4);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ViewSpec {
+    /// Name under which it is published.
+    pub name: String,
+    /// What kind of tensor.
+    pub kind: Kind,
+    /// Length of its windows in µs, 1 to 2^30 - 1; they begin at multiples of it.
+    pub period_us: u32,
+    /// Type of element; default u8 for counts, f32 else.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dtype: Option<Dtype>,
+    /// Bins of a voxel grid; default 5.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bins: Option<u16>,
+    /// Decay of a time surface in µs, 1 to 2^25; default 30000.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tau_us: Option<u32>,
+}
+
+impl ViewSpec {
+    /// A view with the defaults of its kind.
+    pub fn new(name: impl Into<String>, kind: Kind, period_us: u32) -> Self {
+        Self { name: name.into(), kind, period_us, dtype: None, bins: None, tau_us: None }
+    }
+
+    fn parameters(&self) -> Result<Parameters, BadView> {
+        let (kind, default) = (self.kind, Parameters::default());
+        if self.bins.is_some() && kind != Kind::VoxelGrid {
+            return Err(BadView::NotForKind { key: "bins", kind });
+        }
+        if self.tau_us.is_some() && kind != Kind::TimeSurface {
+            return Err(BadView::NotForKind { key: "tau_us", kind });
+        }
+        Ok(Parameters {
+            bins: self.bins.unwrap_or(default.bins),
+            tau_us: self.tau_us.unwrap_or(default.tau_us),
+        })
+    }
+}
+
+/// Why settings make no view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BadView {
+    /// The period.
+    Period(BadPeriod),
+    /// A parameter of the representation.
+    Representation(BadRepresentation),
+    /// The kind has no tensors of this type.
+    Dtype {
+        /// The kind.
+        kind: Kind,
+        /// The type asked for.
+        dtype: Dtype,
+    },
+    /// A parameter that means nothing to the kind.
+    NotForKind {
+        /// The parameter's name in settings.
+        key: &'static str,
+        /// The kind.
+        kind: Kind,
+    },
+}
+
+impl core::fmt::Display for BadView {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Period(error) => error.fmt(f),
+            Self::Representation(error) => error.fmt(f),
+            Self::Dtype { kind, dtype } => {
+                write!(f, "a {} view has no elements of type {}: give one of", kind.name(), dtype.name())?;
+                dtypes(*kind, |dtype| write!(f, " {}", dtype.name()))
+            }
+            Self::NotForKind { key, kind } => {
+                write!(f, "{key} means nothing to a {} view: remove it", kind.name())
+            }
+        }
+    }
+}
+
+impl core::error::Error for BadView {}
+
+/// Why a block was not drawn, or not whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PushError {
+    /// The block is of another sensor; nothing was done.
+    Geometry(WrongGeometry),
+    /// The [`Canvas`] lent memory of a wrong length or alignment: those windows are lost, the view goes on.
+    Memory {
+        /// Bytes needed.
+        expected: usize,
+        /// Bytes lent.
+        found: usize,
+    },
+}
+
+impl core::fmt::Display for PushError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Geometry(error) => error.fmt(f),
+            Self::Memory { expected, found } => {
+                write!(
+                    f,
+                    "a tensor of {expected} bytes was lent {found} or misaligned ones: lend 64-byte aligned memory"
+                )
+            }
+        }
+    }
+}
+
+impl core::error::Error for PushError {}
+
+/// Where a view draws: lends memory for each window and takes the complete tensor.
+pub trait Canvas {
+    /// A window opens: make memory ready, such as a sample on loan.
+    fn begin(&mut self, window: Window);
+
+    /// The memory of the open window: [`View::len_bytes`] bytes, aligned for the element, with any content. The same
+    /// until `end`. None leaves this window out; a surface takes note of its events all the same.
+    fn memory(&mut self) -> Option<&mut [u8]>;
+
+    /// The window closes: the memory holds its tensor. Send it.
+    fn end(&mut self, closed: Closed);
+}
+
+type State = Box<[u32]>;
+
+/// Tensors of a stream at a fixed period.
+#[derive(Debug)]
+pub struct View {
+    slicer: Slicer,
+    geometry: Geometry,
+    representation: AnyRepresentation,
+}
+
+impl View {
+    /// Makes the view that the settings describe, for a sensor of this size.
+    pub fn try_new(spec: &ViewSpec, geometry: Geometry) -> Result<Self, BadView> {
+        let slicer = Slicer::try_new(spec.period_us).map_err(BadView::Period)?;
+        let dtype = spec.dtype.unwrap_or(spec.kind.dtype());
+        let representation = AnyRepresentation::try_new(spec.kind, dtype, &spec.parameters()?, geometry)?;
+        Ok(Self { slicer, geometry, representation })
+    }
+
+    /// Extent of its tensors.
+    pub fn shape(&self) -> Shape {
+        self.representation.shape()
+    }
+
+    /// Type of its tensors' elements.
+    pub fn dtype(&self) -> Dtype {
+        self.representation.dtype()
+    }
+
+    /// Bytes of a tensor.
+    pub fn len_bytes(&self) -> usize {
+        self.shape().len() * self.dtype().bytes()
+    }
+
+    /// The sensor's size.
+    pub const fn geometry(&self) -> Geometry {
+        self.geometry
+    }
+
+    /// Where it cuts, with its counts of late events and skipped windows.
+    pub const fn slicer(&self) -> &Slicer {
+        &self.slicer
+    }
+
+    /// Events that a pixel could not count any more, since the start.
+    pub fn saturated(&self) -> u64 {
+        self.representation.saturated()
+    }
+
+    /// Draws the events of a block.
+    pub fn push(&mut self, span: Span<'_>, canvas: &mut impl Canvas) -> Result<(), PushError> {
+        if span.geometry != self.geometry {
+            let (expected, found) = (self.geometry, span.geometry);
+            return Err(PushError::Geometry(WrongGeometry { expected, found }));
+        }
+        let mut pen = Pen::new(&mut self.representation, canvas);
+        self.slicer.push(span, |piece| pen.draw(piece));
+        pen.done
+    }
+
+    /// Stream time has come to `now` µs, also without events: see [`Slicer::advance`].
+    pub fn advance(&mut self, now: u64, canvas: &mut impl Canvas) -> Result<(), PushError> {
+        let mut pen = Pen::new(&mut self.representation, canvas);
+        self.slicer.advance(now, |piece| pen.draw(piece));
+        pen.done
+    }
+
+    /// The stream has ended at `now` µs: see [`Slicer::finish`].
+    pub fn finish(&mut self, now: u64, canvas: &mut impl Canvas) -> Result<(), PushError> {
+        let mut pen = Pen::new(&mut self.representation, canvas);
+        self.slicer.finish(now, |piece| pen.draw(piece));
+        pen.done
+    }
+}
+
+/// Draws pieces onto a canvas and remembers if that could not be.
+struct Pen<'a, C> {
+    representation: &'a mut AnyRepresentation,
+    canvas: &'a mut C,
+    done: Result<(), PushError>,
+}
+
+impl<'a, C: Canvas> Pen<'a, C> {
+    fn new(representation: &'a mut AnyRepresentation, canvas: &'a mut C) -> Self {
+        Self { representation, canvas, done: Ok(()) }
+    }
+
+    fn draw(&mut self, piece: Piece<'_>) {
+        if let Piece::Begin(window) = piece {
+            self.canvas.begin(window);
+        }
+        let memory = self.canvas.memory().unwrap_or_default();
+        if let Err(error) = self.representation.draw(piece, memory) {
+            self.done = Err(error);
+        }
+        if let Piece::End(closed) = piece {
+            self.canvas.end(closed);
+        }
+    }
+}
+
+/// One piece into memory that may be none. Without usable memory a representation draws into an empty tensor, which
+/// costs nothing and keeps its state.
+fn draw<R: Representation>(
+    representation: &mut R,
+    piece: Piece<'_>,
+    memory: &mut [u8],
+) -> Result<(), PushError> {
+    let (expected, found) = (representation.shape().len() * size_of::<R::Pixel>(), memory.len());
+    let pixels = if found == expected { bytemuck::try_cast_slice_mut(memory).ok() } else { None };
+    let usable = pixels.is_some() || found == 0;
+    let out: &mut [R::Pixel] = pixels.unwrap_or_default();
+    match piece {
+        Piece::Begin(window) => representation.begin(window, out),
+        Piece::Events(span) => representation.accumulate(span, out).map_err(PushError::Geometry)?,
+        Piece::End(_) => representation.finish(out),
+    }
+    if usable { Ok(()) } else { Err(PushError::Memory { expected, found }) }
+}
+
+macro_rules! any_representation {
+    ($($variant:ident $kind:ident $type:ty;)*) => {
+        /// Any of the representations, chosen at run time.
+        #[derive(Debug)]
+        enum AnyRepresentation {
+            $($variant($type),)*
+        }
+
+        impl AnyRepresentation {
+            fn try_new(
+                kind: Kind,
+                dtype: Dtype,
+                parameters: &Parameters,
+                geometry: Geometry,
+            ) -> Result<Self, BadView> {
+                $(
+                    if kind == Kind::$kind && dtype == <$type as Representation>::Pixel::DTYPE {
+                        let state = vec![0; <$type as Build<State>>::state_len(geometry)];
+                        return <$type>::build(parameters, geometry, state.into_boxed_slice())
+                            .map(Self::$variant)
+                            .map_err(BadView::Representation);
+                    }
+                )*
+                Err(BadView::Dtype { kind, dtype })
+            }
+
+            fn shape(&self) -> Shape {
+                match self {
+                    $(Self::$variant(representation) => representation.shape(),)*
+                }
+            }
+
+            fn dtype(&self) -> Dtype {
+                match self {
+                    $(Self::$variant(_) => <$type as Representation>::Pixel::DTYPE,)*
+                }
+            }
+
+            fn saturated(&self) -> u64 {
+                match self {
+                    $(Self::$variant(representation) => Build::<State>::saturated(representation),)*
+                }
+            }
+
+            fn draw(&mut self, piece: Piece<'_>, memory: &mut [u8]) -> Result<(), PushError> {
+                match self {
+                    $(Self::$variant(representation) => draw(representation, piece, memory),)*
+                }
+            }
+        }
+
+        /// Calls `each` with every type of element that a kind has.
+        fn dtypes(
+            kind: Kind,
+            mut each: impl FnMut(Dtype) -> core::fmt::Result,
+        ) -> core::fmt::Result {
+            $(
+                if kind == Kind::$kind {
+                    each(<$type as Representation>::Pixel::DTYPE)?;
+                }
+            )*
+            Ok(())
+        }
+    };
+}
+
+for_each_representation!(any_representation, State);
+
+/// 64 bytes at a multiple of 64: tensors are made of them, so that any element is aligned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C, align(64))]
+pub struct Line(pub [u8; 64]);
+
+/// A canvas of its own memory, which it reuses: calls a function with each complete tensor.
+///
+/// ```
+/// use lobula_core::chain::{Offline, View, ViewSpec};
+/// use lobula_core::representation::Kind;
+/// use lobula_core::{Event, Geometry, Polarity, Span};
+/// let geometry = Geometry::new(2, 1);
+/// let events = [Event::new(30, 1, 0, Polarity::On), Event::new(130, 0, 0, Polarity::Off)];
+/// let span = Span { t_first: 30, t_last: 130, geometry, events: &events };
+/// let mut view = View::try_new(&ViewSpec::new("count", Kind::Count, 100), geometry)?;
+/// let mut tensors = Vec::new();
+/// let mut canvas = Offline::new(view.len_bytes(), |closed, bytes| tensors.push((closed.window.t0, bytes.to_vec())));
+/// view.push(span, &mut canvas)?;
+/// view.finish(130, &mut canvas)?;
+/// assert_eq!(tensors, [(0, vec![0, 1]), (100, vec![1, 0])]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Offline<F> {
+    lines: Box<[Line]>,
+    len_bytes: usize,
+    each: F,
+}
+
+impl<F: FnMut(Closed, &[u8])> Offline<F> {
+    /// For tensors of `len_bytes` ([`View::len_bytes`]).
+    pub fn new(len_bytes: usize, each: F) -> Self {
+        let lines = vec![Line::zeroed(); len_bytes.div_ceil(size_of::<Line>())];
+        Self { lines: lines.into_boxed_slice(), len_bytes, each }
+    }
+}
+
+impl<F: FnMut(Closed, &[u8])> Canvas for Offline<F> {
+    fn begin(&mut self, _: Window) {}
+
+    fn memory(&mut self) -> Option<&mut [u8]> {
+        bytemuck::cast_slice_mut(&mut self.lines).get_mut(..self.len_bytes)
+    }
+
+    fn end(&mut self, closed: Closed) {
+        let bytes = bytemuck::cast_slice(&self.lines).get(..self.len_bytes).unwrap_or_default();
+        (self.each)(closed, bytes);
+    }
+}

@@ -1,0 +1,78 @@
+//! How many events each pixel had.
+
+use core::marker::PhantomData;
+
+use crate::representation::{BadRepresentation, Build, Parameters, Tally, check};
+use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
+
+/// Number of events of each pixel, of either polarity: 1 x H x W of u8, u16 or f32.
+///
+/// A pixel that reaches the greatest number of its type stays there (u8: 255, u16: 65535, f32: 2^24); the events it
+/// could not count are in [`saturated`](Build::saturated). No normalisation: divide by what you know.
+///
+/// ```
+/// use lobula_core::representation::Count;
+/// use lobula_core::{Event, Geometry, Polarity, Representation, Span, Window};
+/// let geometry = Geometry::new(3, 1);
+/// let events = [Event::new(5, 1, 0, Polarity::On), Event::new(6, 1, 0, Polarity::Off)];
+/// let mut out = [0xFF; 3]; // whatever was there
+/// let mut count = Count::<u8>::new(geometry);
+/// count.begin(Window { t0: 0, t1: 10 }, &mut out);
+/// count.accumulate(Span { t_first: 5, t_last: 6, geometry, events: &events }, &mut out)?;
+/// count.finish(&mut out);
+/// assert_eq!(out, [0, 2, 0]);
+/// # Ok::<(), lobula_core::WrongGeometry>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Count<P> {
+    geometry: Geometry,
+    saturated: u64,
+    pixel: PhantomData<P>,
+}
+
+impl<P: Tally> Count<P> {
+    /// For a sensor of this size.
+    pub const fn new(geometry: Geometry) -> Self {
+        Self { geometry, saturated: 0, pixel: PhantomData }
+    }
+}
+
+impl<P: Tally> Representation for Count<P> {
+    type Pixel = P;
+
+    fn shape(&self) -> Shape {
+        Shape { channels: 1, height: self.geometry.height.into(), width: self.geometry.width.into() }
+    }
+
+    fn begin(&mut self, _: Window, out: &mut [P]) {
+        out.fill(P::zeroed());
+    }
+
+    fn accumulate(&mut self, span: Span<'_>, out: &mut [P]) -> Result<(), WrongGeometry> {
+        check(self.geometry, &span)?;
+        for event in span.events {
+            if let Some(cell) = out.get_mut(self.geometry.index(event.x(), event.y())) {
+                let more = cell.more();
+                self.saturated += u64::from(more == *cell);
+                *cell = more;
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: &mut [P]) {}
+}
+
+impl<P: Tally, S> Build<S> for Count<P> {
+    fn state_len(_: Geometry) -> usize {
+        0
+    }
+
+    fn build(_: &Parameters, geometry: Geometry, _: S) -> Result<Self, BadRepresentation> {
+        Ok(Self::new(geometry))
+    }
+
+    fn saturated(&self) -> u64 {
+        self.saturated
+    }
+}

@@ -1,0 +1,120 @@
+//! Events in space and time: bins of a window, each event shared between the two nearest.
+//!
+//! Source: Zhu et al., Unsupervised Event-based Learning of Optical Flow, Depth, and Egomotion, CVPR 2019, section 3.1,
+//! with the window's bounds in place of the first and last event's times.
+
+use crate::representation::{BadRepresentation, Build, Parameters, check};
+use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
+
+/// Adding it rounds a small number to a whole one, which is then in the low bits of the sum.
+const ROUND: f32 = 8_388_608.0; // 2^23
+
+/// Signed events in bins of time: bins x H x W of f32.
+///
+/// An event of sign ±1 (ON +) at position `(t - t0) / (t1 - t0) * (bins - 1)` adds to the two bins around it, to each
+/// the more the nearer it is. One bin holds the plain sum of signs. No normalisation.
+///
+/// With a window that ends at the newest event's time this is the voxel grid of libraries that count ages from there.
+///
+/// ```
+/// use lobula_core::representation::VoxelGrid;
+/// use lobula_core::{Event, Geometry, Polarity, Representation, Span, Window};
+/// let geometry = Geometry::new(1, 1);
+/// let events = [Event::new(25, 0, 0, Polarity::On), Event::new(75, 0, 0, Polarity::Off)];
+/// let mut out = [f32::NAN; 3]; // whatever was there
+/// let mut voxel = VoxelGrid::try_new(geometry, 3)?;
+/// voxel.begin(Window { t0: 0, t1: 100 }, &mut out);
+/// voxel.accumulate(Span { t_first: 25, t_last: 75, geometry, events: &events }, &mut out)?;
+/// voxel.finish(&mut out);
+/// assert_eq!(out, [0.5, 0.0, -0.5]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct VoxelGrid {
+    geometry: Geometry,
+    bins: u16,
+    clock: Clock,
+}
+
+impl VoxelGrid {
+    /// For a sensor of this size; at least 1 bin.
+    pub const fn try_new(geometry: Geometry, bins: u16) -> Result<Self, BadRepresentation> {
+        if bins == 0 {
+            return Err(BadRepresentation::Bins);
+        }
+        Ok(Self { geometry, bins, clock: Clock { t0: 0, length: 0, bins_per_us: 0.0 } })
+    }
+}
+
+/// Turns times into positions on the axis of bins.
+#[derive(Clone, Copy, Debug)]
+struct Clock {
+    t0: u32,
+    length: i32,
+    bins_per_us: f32,
+}
+
+impl Clock {
+    fn new(window: Window, bins: u16) -> Self {
+        let length = window.t1.saturating_sub(window.t0).min(i32::MAX as u64) as i32;
+        let intervals = bins.saturating_sub(1) as f32;
+        Self { t0: window.t0 as u32, length, bins_per_us: intervals / length.max(1) as f32 }
+    }
+
+    /// The bin at or before the event and the share of the one after it.
+    #[inline(always)]
+    fn bin(&self, event: Event) -> (usize, f32) {
+        let age = (event.t().wrapping_sub(self.t0) as i32).max(0).min(self.length);
+        let position = age as f32 * self.bins_per_us;
+        // The whole number nearest to half below; at a tie either will do, since one of the two shares is 0 then.
+        let rounded = (position - 0.5).max(0.0) + ROUND;
+        let bin = rounded.to_bits() & 0xFFFF;
+        (bin as usize, position - (rounded - ROUND))
+    }
+}
+
+impl Representation for VoxelGrid {
+    type Pixel = f32;
+
+    fn shape(&self) -> Shape {
+        Shape {
+            channels: self.bins.into(),
+            height: self.geometry.height.into(),
+            width: self.geometry.width.into(),
+        }
+    }
+
+    fn begin(&mut self, window: Window, out: &mut [f32]) {
+        self.clock = Clock::new(window, self.bins);
+        out.fill(0.0);
+    }
+
+    fn accumulate(&mut self, span: Span<'_>, out: &mut [f32]) -> Result<(), WrongGeometry> {
+        check(self.geometry, &span)?;
+        let pixels = self.geometry.pixels();
+        for event in span.events {
+            let (bin, share) = self.clock.bin(*event);
+            let sign = if event.is_on() { 1.0 } else { -1.0 };
+            let at = bin * pixels + self.geometry.index(event.x(), event.y());
+            if let Some(cell) = out.get_mut(at) {
+                *cell += sign * (1.0 - share);
+            }
+            if let Some(cell) = out.get_mut(at + pixels) {
+                *cell += sign * share;
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: &mut [f32]) {}
+}
+
+impl<S> Build<S> for VoxelGrid {
+    fn state_len(_: Geometry) -> usize {
+        0
+    }
+
+    fn build(parameters: &Parameters, geometry: Geometry, _: S) -> Result<Self, BadRepresentation> {
+        Self::try_new(geometry, parameters.bins)
+    }
+}
