@@ -38,6 +38,11 @@ impl Fault {
 pub struct Faults([u64; Fault::ALL.len()]);
 
 impl Faults {
+    /// None yet.
+    pub const fn new() -> Self {
+        Self([0; Fault::ALL.len()])
+    }
+
     /// Counts one more.
     #[inline]
     pub fn count(&mut self, fault: Fault) {
@@ -74,4 +79,18 @@ pub struct Counters {
     pub triggers: u64,
     /// Malformed words by kind.
     pub faults: Faults,
+}
+
+impl Counters {
+    /// Nothing done yet.
+    pub const fn new() -> Self {
+        Self {
+            bytes_decoded: 0,
+            bytes_faulty: 0,
+            events: 0,
+            off_sensor: 0,
+            triggers: 0,
+            faults: Faults::new(),
+        }
+    }
 }

@@ -49,6 +49,39 @@ impl<const BITS: u32> Unwrap<BITS> {
         self.last
     }
 
+    /// The reverse, for encoders: the reading to send next, so that a receiver at this value gets to `target`. A long
+    /// way takes several, at most two per wrap: [`push`](Self::push) each and ask again until the value is `target`.
+    /// `None` where the rule knows no way: a step back over the end of the range or over more than half of it.
+    ///
+    /// ```
+    /// use lobula_core::Unwrap;
+    /// let mut sent = Unwrap::<12>::near(100);
+    /// let mut readings = Vec::new();
+    /// while sent.value() != 2 * 4096 + 3000 {
+    ///     let reading = sent.toward(2 * 4096 + 3000).unwrap();
+    ///     sent.push(reading);
+    ///     readings.push(reading);
+    /// }
+    /// assert_eq!(readings, [4095, 0, 4095, 0, 3000]);
+    /// assert_eq!(Unwrap::<12>::near(4096).toward(4095), None);
+    /// ```
+    #[inline]
+    pub const fn toward(&self, target: u64) -> Option<u64> {
+        let mask = Self::RANGE - 1;
+        let same_epoch = target & !mask == self.last & !mask;
+        if target < self.last {
+            return if same_epoch && self.last - target <= Self::RANGE / 2 {
+                Some(target & mask)
+            } else {
+                None
+            };
+        }
+        if same_epoch || target - self.last < Self::RANGE / 2 {
+            return Some(target & mask);
+        }
+        Some(if self.last & mask > Self::RANGE / 2 { 0 } else { mask })
+    }
+
     /// The last unwrapped value.
     pub const fn value(&self) -> u64 {
         self.last
@@ -65,6 +98,36 @@ mod tests {
         assert_eq!(high.push(4095 - 2048), 4095 - 2048);
         let mut high = Unwrap::<12>::near(4095);
         assert_eq!(high.push(4095 - 2049), 4096 + 4095 - 2049);
+    }
+
+    #[test]
+    fn any_value_ahead_is_reached_in_two_readings_per_wrap() {
+        for from in [0u64, 1, 2047, 2048, 2049, 4095, 4096 + 5] {
+            for to in (from..from + 3 * 4096).step_by(37) {
+                let mut sent = Unwrap::<12>::near(from);
+                let mut readings = 0;
+                while sent.value() != to {
+                    let reading = sent.toward(to).unwrap();
+                    assert!(sent.push(reading) <= to, "from {from} to {to}");
+                    readings += 1;
+                }
+                assert!(readings <= 2 * (to / 4096 - from / 4096) + 1, "{readings} from {from} to {to}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_step_back_is_reached_at_once_or_refused() {
+        for from in [0u64, 1, 2047, 2048, 2049, 4095, 4096, 4097, 9000] {
+            for to in 0..from {
+                let sent = Unwrap::<12>::near(from);
+                let reachable = from / 4096 == to / 4096 && from - to <= 2048;
+                assert_eq!(sent.toward(to).is_some(), reachable);
+                if let Some(reading) = sent.toward(to) {
+                    assert_eq!(Unwrap::<12>::near(from).push(reading), to);
+                }
+            }
+        }
     }
 
     #[test]

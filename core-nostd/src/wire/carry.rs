@@ -1,0 +1,116 @@
+//! Words out of bytes: what makes every decoder resumable at any byte.
+
+use crate::{Counters, Fault, Sink};
+
+/// The bytes of a word of `N` bytes whose rest is still to come.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Carry<const N: usize> {
+    bytes: [u8; N],
+    len: usize,
+}
+
+impl<const N: usize> Carry<N> {
+    pub(super) const fn new() -> Self {
+        Self { bytes: [0; N], len: 0 }
+    }
+
+    /// Number of bytes held, less than `N`.
+    pub(super) const fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Adds from `bytes` what fits; the word if it is complete now, and how many bytes that took. The carry itself is
+    /// left as it is: the word may yet be refused.
+    fn joined(&self, bytes: &[u8]) -> (Self, usize) {
+        let mut joined = *self;
+        let mut used = 0;
+        for (slot, byte) in joined.bytes.iter_mut().skip(self.len).zip(bytes) {
+            *slot = *byte;
+            used += 1;
+        }
+        joined.len += used;
+        (joined, used)
+    }
+
+    /// The word will never be complete: its bytes become a fault.
+    pub(super) fn cut_short(&mut self, counters: &mut Counters) {
+        if self.len > 0 {
+            counters.faults.count(Fault::CutShort);
+            counters.bytes_faulty += self.len as u64;
+            self.len = 0;
+        }
+    }
+}
+
+/// A decoder of words of `N` bytes.
+pub(super) trait Words<const N: usize> {
+    fn carry(&mut self) -> &mut Carry<N>;
+
+    /// Decodes whole words and returns how many were taken; fewer than given means that the sink takes no more.
+    fn words(&mut self, words: &[[u8; N]], sink: &mut Sink<'_>) -> usize;
+}
+
+/// [`Decode::decode`](crate::Decode::decode) for a decoder of words: completes the word begun before, takes the
+/// whole words in place, keeps the rest.
+#[inline]
+pub(super) fn decode<const N: usize>(
+    decoder: &mut impl Words<N>,
+    bytes: &[u8],
+    sink: &mut Sink<'_>,
+) -> usize {
+    let mut taken = 0;
+    if decoder.carry().len > 0 {
+        let (joined, used) = decoder.carry().joined(bytes);
+        if joined.len < N {
+            *decoder.carry() = joined;
+            return used;
+        }
+        if decoder.words(&[joined.bytes], sink) == 0 {
+            return 0;
+        }
+        *decoder.carry() = Carry::new();
+        taken = used;
+    }
+    let (words, tail) = bytes.get(taken..).unwrap_or_default().as_chunks();
+    let done = decoder.words(words, sink);
+    taken += done * N;
+    if done == words.len() {
+        *decoder.carry() = Carry::new().joined(tail).0;
+        taken += tail.len();
+    }
+    taken
+}
+
+/// Words into bytes: the rest of a word that did not fit the caller's buffer.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Held<const N: usize> {
+    bytes: [u8; N],
+    /// Where the bytes still to write begin; `N` when none are.
+    from: usize,
+}
+
+impl<const N: usize> Held<N> {
+    pub(super) const fn new() -> Self {
+        Self { bytes: [0; N], from: N }
+    }
+
+    /// Holds a word, after the one before was [written](Self::write).
+    pub(super) const fn set(&mut self, word: [u8; N]) {
+        self.bytes = word;
+        self.from = 0;
+    }
+
+    /// Writes what is held to `out` from `at` on as far as it goes, and moves `at`. Whether nothing is left.
+    #[inline]
+    pub(super) fn write(&mut self, out: &mut [u8], at: &mut usize) -> bool {
+        let room = out.get_mut(*at..).unwrap_or_default();
+        let rest = self.bytes.get(self.from..).unwrap_or_default();
+        let n = rest.len().min(room.len());
+        for (to, byte) in room.iter_mut().zip(rest) {
+            *to = *byte;
+        }
+        *at += n;
+        self.from += n;
+        self.from == N
+    }
+}

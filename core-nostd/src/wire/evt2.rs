@@ -1,0 +1,287 @@
+//! EVT 2.0: a 32-bit little-endian word per event, as Gen3 and GenX320 sensors send.
+//!
+//! Spec: <https://docs.prophesee.ai/stable/data/encoding_formats/evt2.html>
+//!
+//! ```text
+//!  bits     31..28  27..22       21..11  10..0
+//!  CD_OFF   0x0     time, low 6  x       y
+//!  CD_ON    0x1     time, low 6  x       y
+//!  TIME_HIGH 0x8    time >> 6 (27..0)
+//!  EXT_TRIGGER 0xA  time, low 6  21..13 unused, 12..8 channel, 7..1 unused, 0 edge
+//!  OTHERS 0xE, CONTINUED 0xF     vendor's own: skipped
+//! ```
+
+use super::carry::{self, Carry, Held, Words};
+use super::time_high::{Clock, ClockOut};
+use crate::{
+    Counters, Decode, Encode, Encoded, Event, Fault, Geometry, Polarity, Refused, Sink, Span, Trigger,
+};
+
+const WORD_BYTES: usize = 4;
+const CD_ON: u32 = 0x1;
+const TIME_HIGH: u32 = 0x8;
+const EXT_TRIGGER: u32 = 0xA;
+const OTHERS: u32 = 0xE;
+const CONTINUED: u32 = 0xF;
+/// Largest coordinate of 11 bits.
+const COORDINATE_MAX: u16 = 0x7FF;
+
+const fn kind(word: u32) -> u32 {
+    word >> 28
+}
+
+const fn is_cd(word: u32) -> bool {
+    kind(word) <= CD_ON
+}
+
+const fn time_low(word: u32) -> u32 {
+    (word >> 22) & 0x3F
+}
+
+/// The event of a CD word, whose time is `base` (low 6 bits 0) and the word's.
+const fn event(word: u32, base: u32) -> Event {
+    let x = (word >> 11) as u16 & COORDINATE_MAX;
+    let y = word as u16 & COORDINATE_MAX;
+    Event::new(base | time_low(word), x, y, Polarity::from_bit((word >> 28) as u16))
+}
+
+/// EVT 2.0 bytes to events.
+///
+/// ```
+/// use lobula_core::{Decode, Event, Geometry, Polarity, Sink, wire::evt2};
+/// let words: [u32; 2] = [0x8000_0001, 0x1000_0000 | 5 << 22 | 320 << 11 | 240];
+/// let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+/// let mut decoder = evt2::Decoder::new(Geometry::new(640, 480));
+/// let mut memory = [Event::default(); 64];
+/// let mut sink = Sink::new(&mut memory);
+/// assert_eq!(decoder.decode(&bytes, &mut sink), 8);
+/// assert_eq!(sink.block(decoder.geometry()).span().events, [Event::new(64 + 5, 320, 240, Polarity::On)]);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Decoder {
+    geometry: Geometry,
+    carry: Carry<WORD_BYTES>,
+    clock: Clock,
+    counters: Counters,
+}
+
+impl Decoder {
+    /// A decoder for a sensor of this size.
+    pub const fn new(geometry: Geometry) -> Self {
+        Self { geometry, carry: Carry::new(), clock: Clock::new(), counters: Counters::new() }
+    }
+
+    /// Takes CD words as long as they follow each other, lie on the sensor and fit the sink; how many.
+    #[inline]
+    fn run(&mut self, words: &[[u8; WORD_BYTES]], sink: &mut Sink<'_>) -> usize {
+        let Some(base) = self.clock.base() else { return 0 };
+        if !sink.admits(base) || !sink.admits(base | 0x3F) {
+            return 0;
+        }
+        let geometry = self.geometry;
+        let mut n = 0;
+        for (slot, word) in sink.spare().iter_mut().zip(words) {
+            let word = u32::from_le_bytes(*word);
+            let event = event(word, base as u32);
+            if !is_cd(word) || !geometry.contains(event.x(), event.y()) {
+                break;
+            }
+            *slot = event;
+            n += 1;
+        }
+        self.commit(words.get(..n).unwrap_or_default(), base, sink);
+        n
+    }
+
+    /// Accounts for a run of CD words whose events were written to the sink's spare memory.
+    #[inline]
+    fn commit(&mut self, words: &[[u8; WORD_BYTES]], base: u64, sink: &mut Sink<'_>) {
+        let [first, .., last] = words else {
+            if let [only] = words {
+                self.commit_between(1, [*only; 2], base, sink);
+            }
+            return;
+        };
+        self.commit_between(words.len(), [*first, *last], base, sink);
+    }
+
+    #[inline]
+    fn commit_between(&mut self, n: usize, ends: [[u8; WORD_BYTES]; 2], base: u64, sink: &mut Sink<'_>) {
+        let [first, last] = ends.map(|word| base | u64::from(time_low(u32::from_le_bytes(word))));
+        sink.commit(n, first, last);
+        self.clock.set_now(last);
+        self.counters.events += n as u64;
+        self.counters.bytes_decoded += (n * WORD_BYTES) as u64;
+    }
+
+    /// Takes a word of any kind; false when the sink takes no more.
+    fn word(&mut self, word: u32, sink: &mut Sink<'_>) -> bool {
+        let taken = match kind(word) {
+            0..=CD_ON => self.cd(word, sink),
+            TIME_HIGH => {
+                self.clock.time_high(word.into());
+                Ok(true)
+            }
+            EXT_TRIGGER => self.trigger(word, sink),
+            OTHERS | CONTINUED => Ok(true),
+            _ => Err(Fault::UnknownWord),
+        };
+        match taken {
+            Ok(true) => self.counters.bytes_decoded += WORD_BYTES as u64,
+            Ok(false) => return false,
+            Err(fault) => {
+                self.counters.faults.count(fault);
+                self.counters.bytes_faulty += WORD_BYTES as u64;
+            }
+        }
+        true
+    }
+
+    fn cd(&mut self, word: u32, sink: &mut Sink<'_>) -> Result<bool, Fault> {
+        let t = self.clock.base().ok_or(Fault::BeforeTime)? | u64::from(time_low(word));
+        let event = event(word, t as u32);
+        if !self.geometry.contains(event.x(), event.y()) {
+            self.counters.off_sensor += 1;
+        } else if !sink.push(t, event) {
+            return Ok(false);
+        }
+        self.counters.events += 1;
+        self.clock.set_now(t);
+        Ok(true)
+    }
+
+    fn trigger(&mut self, word: u32, sink: &mut Sink<'_>) -> Result<bool, Fault> {
+        let t = self.clock.base().ok_or(Fault::BeforeTime)? | u64::from(time_low(word));
+        let trigger = Trigger {
+            t,
+            ordinal: self.counters.events - self.counters.off_sensor,
+            channel: (word >> 8) as u8 & 0x1F,
+            edge: Polarity::from_bit(word as u16),
+        };
+        if !sink.push_trigger(trigger) {
+            return Ok(false);
+        }
+        self.counters.triggers += 1;
+        self.clock.set_now(t);
+        Ok(true)
+    }
+}
+
+impl Words<WORD_BYTES> for Decoder {
+    fn carry(&mut self) -> &mut Carry<WORD_BYTES> {
+        &mut self.carry
+    }
+
+    fn words(&mut self, words: &[[u8; WORD_BYTES]], sink: &mut Sink<'_>) -> usize {
+        let mut rest = words;
+        loop {
+            rest = rest.get(self.run(rest, sink)..).unwrap_or_default();
+            let Some((word, after)) = rest.split_first() else { break };
+            if sink.room() == 0 || !self.word(u32::from_le_bytes(*word), sink) {
+                break;
+            }
+            rest = after;
+        }
+        words.len() - rest.len()
+    }
+}
+
+impl Decode for Decoder {
+    fn decode(&mut self, bytes: &[u8], sink: &mut Sink<'_>) -> usize {
+        carry::decode(self, bytes, sink)
+    }
+
+    fn finish(&mut self) {
+        self.carry.cut_short(&mut self.counters);
+    }
+
+    fn gap(&mut self, near: Option<u64>) {
+        self.carry.cut_short(&mut self.counters);
+        self.clock.gap(near);
+    }
+
+    fn now(&self) -> u64 {
+        self.clock.now()
+    }
+
+    fn geometry(&self) -> Geometry {
+        self.geometry
+    }
+
+    fn pending(&self) -> usize {
+        self.carry.len()
+    }
+
+    fn counters(&self) -> &Counters {
+        &self.counters
+    }
+}
+
+/// Events to EVT 2.0 bytes.
+///
+/// Keeps absolute time (up to 2^40 µs at the start) and silent gaps of any length, at two TIME_HIGH words at most for
+/// each wrap of the 34 bits.
+#[derive(Clone, Debug)]
+pub struct Encoder {
+    clock: ClockOut,
+    held: Held<WORD_BYTES>,
+}
+
+impl Encoder {
+    /// An encoder at the start of a stream.
+    pub const fn new() -> Self {
+        Self { clock: ClockOut::new(), held: Held::new() }
+    }
+
+    /// Holds the word to send next for an event; whether it was the event's own.
+    #[inline]
+    fn hold(&mut self, t: u64, event: Event) -> Result<bool, Refused> {
+        let (x, y) = (event.x(), event.y());
+        if x > COORDINATE_MAX || y > COORDINATE_MAX {
+            return Err(Refused::OffFormat { x, y });
+        }
+        let time_high = self.clock.toward(t)?;
+        let word = match time_high {
+            Some(reading) => TIME_HIGH << 28 | reading as u32,
+            None => {
+                let low = t as u32 & 0x3F;
+                (event.is_on() as u32) << 28 | low << 22 | u32::from(x) << 11 | u32::from(y)
+            }
+        };
+        self.held.set(word.to_le_bytes());
+        Ok(time_high.is_none())
+    }
+}
+
+impl Default for Encoder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Encode for Encoder {
+    fn encode(&mut self, span: Span<'_>, out: &mut [u8]) -> Encoded {
+        let mut done = Encoded { events: 0, bytes: 0, refused: None };
+        for event in span.events {
+            loop {
+                if !self.held.write(out, &mut done.bytes) {
+                    return done;
+                }
+                match self.hold(span.time(*event), *event) {
+                    Ok(true) => break,
+                    Ok(false) => {}
+                    Err(refused) => return Encoded { refused: Some(refused), ..done },
+                }
+            }
+            done.events += 1;
+        }
+        self.held.write(out, &mut done.bytes);
+        done
+    }
+
+    fn finish(&mut self, out: &mut [u8]) -> usize {
+        let mut bytes = 0;
+        self.held.write(out, &mut bytes);
+        bytes
+    }
+}

@@ -1,0 +1,348 @@
+//! EVT 2.1: a 64-bit word for up to 32 events of one time, row and polarity, as IMX636 and GenX320 sensors send.
+//!
+//! Spec: <https://docs.prophesee.ai/stable/data/encoding_formats/evt21.html>
+//!
+//! ```text
+//!  bits     63..60  59..54       53..43  42..32  31..0
+//!  EVT_NEG  0x0     time, low 6  x of bit 0, a multiple of 32   y   mask: bit i = event at x + i
+//!  EVT_POS  0x1     time, low 6  x       y       mask
+//!  TIME_HIGH 0x8    time >> 6 (59..32)           unused
+//!  EXT_TRIGGER 0xA  time, low 6  53..45 unused, 44..40 channel, 39..33 unused, 32 edge   unused
+//!  OTHERS 0xE, CONTINUED 0xF     vendor's own: skipped
+//! ```
+//!
+//! The upper half of a word is laid out as a word of [EVT 2.0](super::evt2). Which half comes first differs by sensor:
+//! see [`WordOrder`].
+
+use super::carry::{self, Carry, Held, Words};
+use super::time_high::{Clock, ClockOut};
+use crate::{
+    Counters, Decode, Encode, Encoded, Event, Fault, Geometry, Polarity, Refused, Sink, Span, Trigger,
+};
+
+const WORD_BYTES: usize = 8;
+/// Events that one word can hold.
+const VECTOR_LEN: usize = 32;
+const EVT_POS: u32 = 0x1;
+const TIME_HIGH: u32 = 0x8;
+const EXT_TRIGGER: u32 = 0xA;
+const OTHERS: u32 = 0xE;
+const CONTINUED: u32 = 0xF;
+/// Largest coordinate of 11 bits.
+const COORDINATE_MAX: u16 = 0x7FF;
+
+/// Order of a word's two halves on the wire; each half is little-endian.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum WordOrder {
+    /// The whole 64-bit word little-endian: the mask first (GenX320).
+    #[default]
+    Little,
+    /// The upper half first, then the mask: `endianness=legacy` in a RAW header (IMX636).
+    Legacy,
+}
+
+/// A word's upper half, laid out as EVT 2.0, and its mask.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Word {
+    head: u32,
+    mask: u32,
+}
+
+impl Word {
+    #[inline]
+    const fn from_bytes(bytes: [u8; WORD_BYTES], order: WordOrder) -> Self {
+        let word = u64::from_le_bytes(bytes);
+        match order {
+            WordOrder::Little => Self { head: (word >> 32) as u32, mask: word as u32 },
+            WordOrder::Legacy => Self { head: word as u32, mask: (word >> 32) as u32 },
+        }
+    }
+
+    #[inline]
+    const fn to_bytes(self, order: WordOrder) -> [u8; WORD_BYTES] {
+        let (head, mask) = (self.head as u64, self.mask as u64);
+        match order {
+            WordOrder::Little => head << 32 | mask,
+            WordOrder::Legacy => mask << 32 | head,
+        }
+        .to_le_bytes()
+    }
+
+    const fn kind(self) -> u32 {
+        self.head >> 28
+    }
+
+    const fn time_low(self) -> u32 {
+        (self.head >> 22) & 0x3F
+    }
+
+    const fn x(self) -> u16 {
+        (self.head >> 11) as u16 & COORDINATE_MAX
+    }
+
+    const fn y(self) -> u16 {
+        self.head as u16 & COORDINATE_MAX
+    }
+
+    const fn polarity(self) -> Polarity {
+        Polarity::from_bit((self.head >> 28) as u16)
+    }
+
+    /// The mask without the events off the sensor.
+    #[inline]
+    const fn mask_on(self, geometry: Geometry) -> u32 {
+        let columns = geometry.width.saturating_sub(self.x()) as u32;
+        let in_columns = if columns >= VECTOR_LEN as u32 { u32::MAX } else { (1 << columns) - 1 };
+        if self.y() < geometry.height { self.mask & in_columns } else { 0 }
+    }
+}
+
+/// EVT 2.1 bytes to events; those of one word come by rising x.
+///
+/// ```
+/// use lobula_core::wire::evt21::{self, WordOrder};
+/// use lobula_core::{Decode, Event, Geometry, Polarity, Sink};
+/// let words: [u64; 2] = [0x8000_0001 << 32, (0x1000_0000 | 5 << 22 | 32 << 11 | 7) << 32 | 0b101];
+/// let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+/// let mut decoder = evt21::Decoder::new(Geometry::new(1280, 720), WordOrder::Little);
+/// let mut memory = [Event::default(); 64];
+/// let mut sink = Sink::new(&mut memory);
+/// assert_eq!(decoder.decode(&bytes, &mut sink), 16);
+/// let events = [Event::new(69, 32, 7, Polarity::On), Event::new(69, 34, 7, Polarity::On)];
+/// assert_eq!(sink.block(decoder.geometry()).span().events, events);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Decoder {
+    geometry: Geometry,
+    order: WordOrder,
+    carry: Carry<WORD_BYTES>,
+    clock: Clock,
+    counters: Counters,
+}
+
+impl Decoder {
+    /// A decoder for a sensor of this size that sends words in this order.
+    pub const fn new(geometry: Geometry, order: WordOrder) -> Self {
+        Self { geometry, order, carry: Carry::new(), clock: Clock::new(), counters: Counters::new() }
+    }
+
+    /// Takes a word; false when the sink takes no more.
+    #[inline]
+    fn word(&mut self, word: Word, sink: &mut Sink<'_>) -> bool {
+        let taken = match word.kind() {
+            0..=EVT_POS => self.vector(word, sink),
+            TIME_HIGH => {
+                self.clock.time_high(word.head.into());
+                Ok(true)
+            }
+            EXT_TRIGGER => self.trigger(word, sink),
+            OTHERS | CONTINUED => Ok(true),
+            _ => Err(Fault::UnknownWord),
+        };
+        match taken {
+            Ok(true) => self.counters.bytes_decoded += WORD_BYTES as u64,
+            Ok(false) => return false,
+            Err(fault) => {
+                self.counters.faults.count(fault);
+                self.counters.bytes_faulty += WORD_BYTES as u64;
+            }
+        }
+        true
+    }
+
+    #[inline]
+    fn vector(&mut self, word: Word, sink: &mut Sink<'_>) -> Result<bool, Fault> {
+        let t = self.clock.base().ok_or(Fault::BeforeTime)? | u64::from(word.time_low());
+        let mask = word.mask_on(self.geometry);
+        if mask != 0 && !sink.admits(t) {
+            return Ok(false);
+        }
+        let (x, y, polarity) = (word.x(), word.y(), word.polarity());
+        let mut left = mask;
+        for slot in sink.spare().iter_mut().take(VECTOR_LEN) {
+            if left == 0 {
+                break;
+            }
+            *slot = Event::new(t as u32, x + left.trailing_zeros() as u16, y, polarity);
+            left &= left - 1;
+        }
+        sink.commit(mask.count_ones() as usize, t, t);
+        self.counters.events += u64::from(word.mask.count_ones());
+        self.counters.off_sensor += u64::from((word.mask & !mask).count_ones());
+        self.clock.set_now(t);
+        Ok(true)
+    }
+
+    fn trigger(&mut self, word: Word, sink: &mut Sink<'_>) -> Result<bool, Fault> {
+        let t = self.clock.base().ok_or(Fault::BeforeTime)? | u64::from(word.time_low());
+        let trigger = Trigger {
+            t,
+            ordinal: self.counters.events - self.counters.off_sensor,
+            channel: (word.head >> 8) as u8 & 0x1F,
+            edge: Polarity::from_bit(word.head as u16),
+        };
+        if !sink.push_trigger(trigger) {
+            return Ok(false);
+        }
+        self.counters.triggers += 1;
+        self.clock.set_now(t);
+        Ok(true)
+    }
+}
+
+impl Words<WORD_BYTES> for Decoder {
+    fn carry(&mut self) -> &mut Carry<WORD_BYTES> {
+        &mut self.carry
+    }
+
+    fn words(&mut self, words: &[[u8; WORD_BYTES]], sink: &mut Sink<'_>) -> usize {
+        let mut done = 0;
+        for word in words {
+            if sink.room() < VECTOR_LEN || !self.word(Word::from_bytes(*word, self.order), sink) {
+                break;
+            }
+            done += 1;
+        }
+        done
+    }
+}
+
+impl Decode for Decoder {
+    fn decode(&mut self, bytes: &[u8], sink: &mut Sink<'_>) -> usize {
+        carry::decode(self, bytes, sink)
+    }
+
+    fn finish(&mut self) {
+        self.carry.cut_short(&mut self.counters);
+    }
+
+    fn gap(&mut self, near: Option<u64>) {
+        self.carry.cut_short(&mut self.counters);
+        self.clock.gap(near);
+    }
+
+    fn now(&self) -> u64 {
+        self.clock.now()
+    }
+
+    fn geometry(&self) -> Geometry {
+        self.geometry
+    }
+
+    fn pending(&self) -> usize {
+        self.carry.len()
+    }
+
+    fn counters(&self) -> &Counters {
+        &self.counters
+    }
+}
+
+/// A word still open: events that may join it are of its time, row, polarity and columns, and right of its last.
+#[derive(Clone, Copy, Debug)]
+struct Vector {
+    t: u64,
+    word: Word,
+}
+
+impl Vector {
+    const fn new(t: u64, event: Event) -> Self {
+        let (x, y) = (event.x() as u32, event.y() as u32);
+        let head = (event.is_on() as u32) << 28 | (t as u32 & 0x3F) << 22 | (x & !31) << 11 | y;
+        Self { t, word: Word { head, mask: 1 << (x & 31) } }
+    }
+
+    /// With the event, if it may join: order is kept, so only to the right.
+    #[inline]
+    const fn joined(self, t: u64, event: Event) -> Option<Self> {
+        let other = Self::new(t, event);
+        if self.t == t && self.word.head == other.word.head && self.word.mask < other.word.mask {
+            let mask = self.word.mask | other.word.mask;
+            return Some(Self { word: Word { mask, ..self.word }, ..self });
+        }
+        None
+    }
+}
+
+/// Events to EVT 2.1 bytes. Events that follow each other by rising x within 32 columns share a word.
+///
+/// Keeps order, absolute time (up to 2^40 µs at the start) and silent gaps of any length, at two TIME_HIGH words at
+/// most for each wrap of the 34 bits.
+#[derive(Clone, Debug)]
+pub struct Encoder {
+    order: WordOrder,
+    clock: ClockOut,
+    open: Option<Vector>,
+    held: Held<WORD_BYTES>,
+}
+
+impl Encoder {
+    /// An encoder at the start of a stream of words in this order.
+    pub const fn new(order: WordOrder) -> Self {
+        Self { order, clock: ClockOut::new(), open: None, held: Held::new() }
+    }
+
+    /// One step toward an event: it joins the open word or opens one (true), or a word before it is held to be sent.
+    #[inline]
+    fn step(&mut self, t: u64, event: Event) -> Result<bool, Refused> {
+        let (x, y) = (event.x(), event.y());
+        if x > COORDINATE_MAX || y > COORDINATE_MAX {
+            return Err(Refused::OffFormat { x, y });
+        }
+        if let Some(joined) = self.open.and_then(|open| open.joined(t, event)) {
+            self.open = Some(joined);
+            return Ok(true);
+        }
+        if self.close() {
+            return Ok(false);
+        }
+        match self.clock.toward(t)? {
+            Some(reading) => {
+                let word = Word { head: TIME_HIGH << 28 | reading as u32, mask: 0 };
+                self.held.set(word.to_bytes(self.order));
+                Ok(false)
+            }
+            None => {
+                self.open = Some(Vector::new(t, event));
+                Ok(true)
+            }
+        }
+    }
+
+    /// Holds the open word to be sent; whether there was one.
+    fn close(&mut self) -> bool {
+        let Some(open) = self.open.take() else { return false };
+        self.held.set(open.word.to_bytes(self.order));
+        true
+    }
+}
+
+impl Encode for Encoder {
+    fn encode(&mut self, span: Span<'_>, out: &mut [u8]) -> Encoded {
+        let mut done = Encoded { events: 0, bytes: 0, refused: None };
+        for event in span.events {
+            loop {
+                if !self.held.write(out, &mut done.bytes) {
+                    return done;
+                }
+                match self.step(span.time(*event), *event) {
+                    Ok(true) => break,
+                    Ok(false) => {}
+                    Err(refused) => return Encoded { refused: Some(refused), ..done },
+                }
+            }
+            done.events += 1;
+        }
+        self.held.write(out, &mut done.bytes);
+        done
+    }
+
+    fn finish(&mut self, out: &mut [u8]) -> usize {
+        let mut bytes = 0;
+        if self.held.write(out, &mut bytes) && self.close() {
+            self.held.write(out, &mut bytes);
+        }
+        bytes
+    }
+}

@@ -1,0 +1,9 @@
+//! The core's tests that need more than one module: laws that hold for every stage, and truth from outside.
+#![allow(clippy::unwrap_used)] // helpers of tests are tests too
+
+#[macro_use]
+mod chunk_invariance;
+mod round_trip;
+mod streams;
+mod truth;
+mod wire;

@@ -1,0 +1,74 @@
+//! Real recordings against what other programs say is in them.
+
+use crate::chunk_invariance::Splits;
+use crate::streams::Timed;
+use lobula_core::wire::{AnyDecoder, Encoding, WordOrder};
+use lobula_core::{Decode, Event, Geometry, Sink};
+use sha2::{Digest, Sha256};
+
+/// The Prophesee RAW recordings of the truth, with their format.
+const RECORDINGS: [(&str, Encoding); 5] = [
+    ("evt2_gen3_640x480.raw", Encoding::Evt2),
+    ("evt21_le_1280x720.raw", Encoding::Evt21(WordOrder::Little)),
+    ("evt21_legacy_1280x720.raw", Encoding::Evt21(WordOrder::Legacy)),
+    ("evt3_gen41_1280x720.raw", Encoding::Evt3),
+    ("evt3_trigger_1280x720.raw", Encoding::Evt3),
+];
+
+/// What follows the header: lines that begin with `%`.
+fn payload(mut file: &[u8]) -> &[u8] {
+    while file.first() == Some(&b'%') {
+        let end = file.iter().position(|byte| *byte == b'\n').map_or(file.len(), |at| at + 1);
+        file = &file[end..];
+    }
+    file
+}
+
+/// Decodes packets of random length with one decoder.
+fn decode_all(mut decoder: AnyDecoder, bytes: &[u8], splits: &mut Splits) -> Vec<Timed> {
+    let mut out = vec![];
+    let mut memory = vec![Event::default(); 4096];
+    let mut rest = bytes;
+    while !rest.is_empty() {
+        let mut sink = Sink::new(&mut memory);
+        let n = decoder.decode(&rest[..splits.next(rest.len())], &mut sink);
+        rest = &rest[n..];
+        let block = sink.block(decoder.geometry());
+        out.extend(
+            block.span().events.iter().map(|event| Timed { t: block.span().time(*event), event: *event }),
+        );
+    }
+    decoder.finish();
+    assert_eq!((decoder.counters().faults.total(), decoder.counters().off_sensor), (0, 0));
+    out
+}
+
+/// The digest of truth.json: SHA-256 over u64 t, u16 x, u16 y, u8 p of each event, little-endian.
+fn digest(events: &[Timed]) -> String {
+    let mut hasher = Sha256::new();
+    for Timed { t, event } in events {
+        hasher.update(t.to_le_bytes());
+        hasher.update(event.x().to_le_bytes());
+        hasher.update(event.y().to_le_bytes());
+        hasher.update([event.is_on() as u8]);
+    }
+    hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[test]
+fn real_recordings_decode_to_the_truth() {
+    let Some(truth) = lobula_tests::data("truth.json") else { return };
+    let truth: serde_json::Value = serde_json::from_slice(&std::fs::read(truth).unwrap()).unwrap();
+    for (name, encoding) in RECORDINGS {
+        let Some(path) = lobula_tests::data(name) else { continue };
+        let file = std::fs::read(path).unwrap();
+        let truth = &truth[name];
+        let size = |of: &str| truth[of].as_u64().unwrap() as u16;
+        let geometry = Geometry::new(size("width"), size("height"));
+        for mut splits in [Splits::Whole, Splits::random(7)] {
+            let events = decode_all(AnyDecoder::new(encoding, geometry), payload(&file), &mut splits);
+            assert_eq!(events.len() as u64, truth["events"].as_u64().unwrap(), "{name}");
+            assert_eq!(Some(digest(&events).as_str()), truth["sha256"].as_str(), "{name}");
+        }
+    }
+}
