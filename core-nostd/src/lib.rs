@@ -31,6 +31,9 @@ mod window;
 #[cfg(all(feature = "alloc", feature = "serde"))]
 pub mod chain;
 
+#[cfg(feature = "alloc")]
+pub mod simulation;
+
 pub use block::{Block, SPAN_MAX_US, Sink, Span, full_time};
 pub use counters::{Counters, Fault, Faults};
 pub use event::{Event, Polarity};
