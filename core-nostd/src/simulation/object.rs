@@ -1,13 +1,13 @@
 //! The moving part of the scene: bars and discs on closed paths of their own, before the still part.
 
 use super::random::Random;
-use super::texture::{SUBPIXEL, Shape, random_contrast};
+use super::texture::{Kind, SUBPIXEL, Shape, random_contrast};
 use crate::Geometry;
 
 /// A full turn of a path.
 pub(super) const TURN: u32 = 1 << 16;
 
-/// An object and its path, an ellipse or an eight, once per loop.
+/// A bar or a disc and its path, an ellipse or an eight, once per loop.
 pub(super) struct Object {
     middle: (i32, i32),
     amplitude: (i32, i32),
@@ -19,7 +19,7 @@ pub(super) struct Object {
 
 impl Object {
     pub(super) fn random(geometry: Geometry, random: &mut Random) -> Self {
-        let round = random.below(2) == 0;
+        let kind = if random.below(2) == 0 { Kind::Disc } else { Kind::Bar };
         let half_width = random.between(8, 24) * SUBPIXEL;
         Self {
             middle: (
@@ -33,8 +33,8 @@ impl Object {
                 x: 0,
                 y: 0,
                 half_width,
-                half_height: if round { half_width } else { random.between(8, 24) * SUBPIXEL },
-                round,
+                half_height: if kind == Kind::Disc { half_width } else { random.between(8, 24) * SUBPIXEL },
+                kind,
                 contrast: random_contrast(random),
             },
         }

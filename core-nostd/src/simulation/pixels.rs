@@ -44,6 +44,8 @@ pub(super) struct Pixels {
     reference: Vec<i16>,
     /// How far from the reference the next event is.
     threshold: Vec<i16>,
+    /// How far the reference is from the level at the start.
+    offset: Vec<i16>,
 }
 
 impl Pixels {
@@ -56,20 +58,31 @@ impl Pixels {
         let pixels = geometry.pixels();
         let threshold =
             (0..pixels).map(|_| random.between(THRESHOLD - MISMATCH, THRESHOLD + MISMATCH) as i16);
+        let threshold: Vec<i16> = threshold.collect();
+        let offset = threshold.iter().map(|threshold| {
+            let most = *threshold as i32 - 1;
+            random.between(-most, most) as i16
+        });
+        let offset = offset.collect();
         Self {
+            offset,
             width: (geometry.width as usize).max(1),
             texture,
             objects,
             before: vec![0; pixels],
             reference: vec![0; pixels],
-            threshold: threshold.collect(),
+            threshold,
         }
     }
 
     /// The crossings of one loop, frame after frame.
     pub(super) fn run(&mut self) -> Vec<Crossing> {
         self.frame(0, &mut Vec::new());
-        self.reference.copy_from_slice(&self.before);
+        // Any offset within the threshold: were it none, each pixel would fire late and alone, when an edge that has
+        // passed gives back the very level from before.
+        for ((reference, level), offset) in self.reference.iter_mut().zip(&self.before).zip(&self.offset) {
+            *reference = level.wrapping_add(*offset);
+        }
         for frame in 1..=FRAMES_BEFORE {
             self.frame(frame * (FRAMES / FRAMES_BEFORE), &mut Vec::new());
         }

@@ -40,7 +40,7 @@ impl Texture {
     fn slope_and_grain(&mut self, random: &mut Random) {
         for (y, row) in self.levels.chunks_exact_mut(self.width.max(1)).enumerate() {
             for (x, level) in row.iter_mut().enumerate() {
-                *level = (x / 8 + y / 4) as i16 + random.between(-20, 20) as i16;
+                *level = (x / 16 + y / 8) as i16 + random.between(-4, 4) as i16;
             }
         }
     }
@@ -79,27 +79,41 @@ const fn split(offset: i32) -> (usize, i32) {
     ((offset / SUBPIXEL) as usize, offset % SUBPIXEL)
 }
 
-/// A bar or a disc; lengths in [`SUBPIXEL`]s.
+/// What a shape is filled with, and how it ends.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Disc,
+    Bar,
+    /// A bar of vertical stripes, [`STRIPE_PX`] wide.
+    Stripes,
+}
+
+const STRIPE_PX: i32 = 8;
+
+/// A patch of the scene; lengths in [`SUBPIXEL`]s.
 pub(super) struct Shape {
     pub(super) x: i32,
     pub(super) y: i32,
     pub(super) half_width: i32,
     pub(super) half_height: i32,
-    pub(super) round: bool,
+    pub(super) kind: Kind,
     /// Log intensity over what is behind it.
     pub(super) contrast: i32,
 }
 
 impl Shape {
     fn random(width: i32, height: i32, random: &mut Random) -> Self {
-        let round = random.below(3) == 0;
+        let kind = [Kind::Disc, Kind::Bar, Kind::Stripes]
+            .get(random.below(3) as usize)
+            .copied()
+            .unwrap_or(Kind::Bar);
         let half_width = random.between(6, 36) * SUBPIXEL;
         Self {
             x: random.between(0, width) * SUBPIXEL,
             y: random.between(0, height) * SUBPIXEL,
             half_width,
-            half_height: if round { half_width } else { random.between(6, 36) * SUBPIXEL },
-            round,
+            half_height: if kind == Kind::Disc { half_width } else { random.between(6, 36) * SUBPIXEL },
+            kind,
             contrast: random_contrast(random),
         }
     }
@@ -107,7 +121,7 @@ impl Shape {
     /// How much of the pixel it covers, 0 to 256, with edges 2 pixels soft.
     pub(super) const fn coverage(&self, x: i32, y: i32) -> i32 {
         let (dx, dy) = ((x - self.x).abs(), (y - self.y).abs());
-        if self.round {
+        if matches!(self.kind, Kind::Disc) {
             // (r² - d²) / 2r is the distance from the edge to first order, and needs no root.
             let r = self.half_width as i64;
             let d2 = (dx as i64) * (dx as i64) + (dy as i64) * (dy as i64);
@@ -120,7 +134,8 @@ impl Shape {
                 inside as i32
             });
         }
-        (soft(self.half_width - dx) * soft(self.half_height - dy)) >> 8
+        let bar = (soft(self.half_width - dx) * soft(self.half_height - dy)) >> 8;
+        if matches!(self.kind, Kind::Bar) { bar } else { (bar * stripe(x - self.x)) >> 8 }
     }
 
     pub(super) const fn top(&self) -> i32 {
@@ -153,6 +168,13 @@ const fn soft(inside: i32) -> i32 {
     } else {
         half
     }
+}
+
+/// A stripe's part of the pixel at `x`, 0 to 256.
+const fn stripe(x: i32) -> i32 {
+    let half = STRIPE_PX * SUBPIXEL / 2;
+    let from_middle = (x.rem_euclid(4 * half) - 2 * half).abs();
+    soft(half - from_middle)
 }
 
 /// Darker or brighter by a factor of 1.5 to 3.
