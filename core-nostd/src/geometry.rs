@@ -33,6 +33,16 @@ impl Geometry {
     pub const fn index(self, x: u16, y: u16) -> usize {
         y as usize * self.width as usize + x as usize
     }
+
+    /// Whether events of a `found` sensor may be given to a stage made for this one.
+    #[inline]
+    pub const fn check(self, found: Self) -> Result<(), WrongGeometry> {
+        if self.width == found.width && self.height == found.height {
+            Ok(())
+        } else {
+            Err(WrongGeometry { expected: self, found })
+        }
+    }
 }
 
 impl core::fmt::Display for Geometry {

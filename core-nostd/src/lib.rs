@@ -24,6 +24,11 @@ mod unwrap;
 
 pub mod wire;
 
+pub mod time_map;
+
+pub mod filter;
+pub mod pipeline;
+
 pub mod math;
 pub mod representation;
 mod window;

@@ -1,5 +1,184 @@
 //! Stages chosen at run time from settings: the one parser of them for daemon, tool and Python.
+//!
+//! A [`Chain`] of filters gives the same bits as the same filters in a tuple on firmware ([`pipeline`](crate::pipeline)).
 
+mod filter;
 mod view;
 
+pub use filter::{AnyFilter, FilterSpec};
 pub use view::{BadView, Canvas, Line, Offline, PushError, View, ViewSpec};
+
+use crate::filter::{BackgroundActivityParams, FilterError, Neighbours, RefractoryParams, Refresh};
+use crate::{Block, Event, Filter, Geometry, WrongGeometry};
+use alloc::vec::Vec;
+
+/// What a chain is made of: filters in order, each with its parameters. Unknown kinds and keys are errors.
+///
+/// ```
+/// use lobula_core::chain::{Chain, Spec};
+/// # use lobula_core::Geometry;
+/// let spec: Spec = serde_json::from_str(r#"[
+///     { "kind": "refractory", "dt_us": 500 },
+///     { "kind": "background_activity", "dt_us": 5000, "neighbours": "eight", "shift": 4 }
+/// ]"#)?;
+/// let chain = Chain::try_new(&spec, Geometry::new(1280, 720))?;
+/// assert_eq!(chain.counts().collect::<Vec<_>>(), [("refractory", 0), ("background_activity", 0)]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(transparent)]
+pub struct Spec {
+    /// The filters, first to last; none passes every event.
+    pub filters: Vec<FilterSpec>,
+}
+
+impl Spec {
+    /// What the daemon filters with unless told otherwise: a refractory period of 200 µs, then background activity
+    /// within 5 ms, in maps of 16 bits.
+    pub fn standard() -> Self {
+        let refractory = RefractoryParams { dt_us: 200, refresh: Refresh::Kept, shift: 3 };
+        let background = BackgroundActivityParams { dt_us: 5000, neighbours: Neighbours::Eight, shift: 3 };
+        let filters = [FilterSpec::Refractory(refractory), FilterSpec::BackgroundActivity(background)];
+        Self { filters: filters.to_vec() }
+    }
+}
+
+/// Why a chain cannot be made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChainError {
+    /// Which stage, from 0.
+    pub stage: usize,
+    /// Its kind.
+    pub kind: &'static str,
+    /// What is wrong with it.
+    pub cause: ChainCause,
+}
+
+/// What is wrong with a stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChainCause {
+    /// Its parameters.
+    Filter(FilterError),
+    /// There is not enough memory for its map.
+    OutOfMemory {
+        /// Bytes it needs.
+        bytes: usize,
+    },
+}
+
+impl core::fmt::Display for ChainError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "filter {} ({}): ", self.stage, self.kind)?;
+        match self.cause {
+            ChainCause::Filter(error) => error.fmt(f),
+            ChainCause::OutOfMemory { bytes } => write!(f, "no memory for its map of {bytes} bytes"),
+        }
+    }
+}
+
+impl core::error::Error for ChainError {}
+
+/// Filters in a row, with a count of what each removed.
+#[derive(Clone, Debug)]
+pub struct Chain {
+    geometry: Geometry,
+    stages: Vec<Stage>,
+}
+
+#[derive(Clone, Debug)]
+struct Stage {
+    kind: &'static str,
+    filter: AnyFilter,
+    removed: u64,
+}
+
+impl Chain {
+    /// The filters of `spec` for events of this sensor, with memory of their own.
+    pub fn try_new(spec: &Spec, geometry: Geometry) -> Result<Self, ChainError> {
+        let stages = spec.filters.iter().enumerate().map(|(stage, spec)| {
+            let kind = spec.kind();
+            match AnyFilter::try_new(spec, geometry) {
+                Ok(filter) => Ok(Stage { kind, filter, removed: 0 }),
+                Err(cause) => Err(ChainError { stage, kind, cause }),
+            }
+        });
+        Ok(Self { geometry, stages: stages.collect::<Result<_, _>>()? })
+    }
+
+    /// The sensor's size.
+    pub fn geometry(&self) -> Geometry {
+        self.geometry
+    }
+
+    /// Kind of each filter, in order, and the number of events it removed since the chain was made.
+    pub fn counts(&self) -> impl ExactSizeIterator<Item = (&'static str, u64)> + '_ {
+        self.stages.iter().map(|stage| (stage.kind, stage.removed))
+    }
+
+    /// Number of events all filters removed since the chain was made.
+    pub fn removed(&self) -> u64 {
+        self.stages.iter().map(|stage| stage.removed).sum()
+    }
+}
+
+impl Filter for Chain {
+    fn advance(&mut self, now: u64) {
+        for stage in &mut self.stages {
+            stage.filter.advance(now);
+        }
+    }
+
+    fn keep(&mut self, event: Event) -> bool {
+        self.stages.iter_mut().all(|stage| {
+            let keep = stage.filter.keep(event);
+            stage.removed += !keep as u64;
+            keep
+        })
+    }
+
+    fn retain(&mut self, block: &mut Block<'_>) -> Result<usize, WrongGeometry> {
+        self.geometry.check(block.geometry)?;
+        for stage in &mut self.stages {
+            let before = block.len();
+            let kept = stage.filter.retain(block)?;
+            stage.removed += (before - kept) as u64;
+        }
+        Ok(block.len())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Polarity;
+
+    #[test]
+    fn an_empty_chain_passes_all_and_still_knows_its_sensor() {
+        let mut chain = Chain::try_new(&Spec::default(), Geometry::new(4, 4)).unwrap();
+        let mut events = [Event::new(1, 2, 3, Polarity::On); 5];
+        assert_eq!(chain.retain(&mut Block::new(1, 1, Geometry::new(4, 4), &mut events)), Ok(5));
+        assert!(chain.retain(&mut Block::new(1, 1, Geometry::new(5, 4), &mut events)).is_err());
+    }
+
+    #[test]
+    fn refuses_what_it_does_not_know() {
+        for wrong in [
+            r#"[{ "kind": "refractory" }]"#,
+            r#"[{ "kind": "refractory", "dt_ms": 1 }]"#,
+            r#"[{ "kind": "refractory", "dt_us": 1, "dt_ms": 1 }]"#,
+            r#"[{ "kind": "refractory", "dt_us": -1 }]"#,
+            r#"[{ "kind": "refractor", "dt_us": 1 }]"#,
+            r#"[{ "dt_us": 1 }]"#,
+        ] {
+            assert!(serde_json::from_str::<Spec>(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn names_the_stage_and_the_cause() {
+        let spec = r#"[{ "kind": "polarity", "keep": "on" }, { "kind": "refractory", "dt_us": 1073741824 }]"#;
+        let error = Chain::try_new(&serde_json::from_str(spec).unwrap(), Geometry::new(4, 4)).unwrap_err();
+        let text = "filter 1 (refractory): 1073741824 µs is too long for the map: at most 1073741823";
+        assert_eq!(alloc::string::ToString::to_string(&error), text);
+    }
+}

@@ -3,6 +3,7 @@
 
 #[macro_use]
 mod chunk_invariance;
+mod filter;
 mod round_trip;
 mod streams;
 mod truth;

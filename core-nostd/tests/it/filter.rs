@@ -1,0 +1,342 @@
+//! Every filter against a naive oracle with 64-bit times, over streams with silences of up to 100 hours.
+
+use crate::streams::Timed;
+use lobula_core::filter::*;
+use lobula_core::time_map::TimeMap;
+use lobula_core::{Block, Event, Filter, Geometry, Polarity, SPAN_MAX_US, WrongGeometry};
+use proptest::prelude::*;
+
+/// Small, so that random events are neighbours.
+const SENSOR: Geometry = Geometry::new(5, 4);
+/// 100 hours in µs.
+const GAP_MAX_US: i64 = 100 * 3600 * 1_000_000;
+/// The period that the tests give to every filter; a multiple of the ticks of all maps.
+const DT_US: u32 = 1024;
+
+/// A step in time that matters to a map whose cells are `cell_us` long, by a random number: bursts, the filter's
+/// period, the cells' borders, the largest step back, the age at which entries are clamped, long silence.
+fn step(random: u64, cell_us: i64) -> i64 {
+    let (kind, random) = (random % 32, (random / 32) as i64);
+    let jitter = random % 40 - 20;
+    match kind {
+        0..8 => random % 40,
+        8..12 => -random % 20,
+        12..18 => DT_US as i64 + jitter,
+        18..24 => random % 3000,
+        24..28 => [-3, -2, -1, 1, 2, 3, 4, 5, 8, 16][(random / 64) as usize % 10] * cell_us / 2 + jitter,
+        28 => (1 << 32) + jitter,
+        29 => random % (1 << 33),
+        30 => random % GAP_MAX_US,
+        _ => 0,
+    }
+}
+
+fn stream(cell_us: i64) -> impl Strategy<Value = Vec<Timed>> {
+    let start = prop_oneof![
+        Just(0u64),
+        0..1u64 << 40,
+        ((1u64 << 32) - 3000)..(1 << 32),
+        ((1u64 << 34) - 30)..(1 << 34)
+    ];
+    (start, prop::collection::vec(any::<[u32; 3]>(), 0..120)).prop_map(move |(mut t, randoms)| {
+        let timed = |[high, low, place]: [u32; 3]| {
+            t = t.saturating_add_signed(step((high as u64) << 32 | low as u64, cell_us));
+            let (x, y) = (place % SENSOR.width as u32, place / 8 % SENSOR.height as u32);
+            Timed {
+                t,
+                event: Event::new(t as u32, x as u16, y as u16, Polarity::from_bit((place >> 31) as u16)),
+            }
+        };
+        randoms.into_iter().map(timed).collect()
+    })
+}
+
+/// Filters the stream in blocks of random length.
+fn run(filter: &mut impl Filter, events: &[Timed], mut seed: u64) -> Vec<Timed> {
+    let mut kept = vec![];
+    let mut rest = events;
+    while let Some(first) = rest.first() {
+        seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        let wanted = [1, 2, 5, 1000][(seed >> 33) as usize % 4];
+        let fits = rest.iter().take_while(|timed| timed.t.abs_diff(first.t) < SPAN_MAX_US).count();
+        let (piece, after) = rest.split_at(fits.min(wanted));
+        let mut memory: Vec<Event> = piece.iter().map(|timed| timed.event).collect();
+        let mut block = Block::new(first.t, piece[piece.len() - 1].t, SENSOR, &mut memory);
+        assert_eq!(filter.retain(&mut block), Ok(block.len()));
+        kept.extend(
+            block.span().events.iter().map(|event| Timed { t: block.span().time(*event), event: *event }),
+        );
+        rest = after;
+    }
+    kept
+}
+
+/// What a filter remembers, in the plainest way: the last full time of each pixel in ticks, if it fired at all.
+struct Memory {
+    last: [[Option<i128>; SENSOR.width as usize]; SENSOR.height as usize],
+    newest: Option<i128>,
+    shift: u8,
+    step_back_max: i128,
+}
+
+impl Memory {
+    fn new(bits: u32, shift: u8) -> Self {
+        Self { last: Default::default(), newest: None, shift, step_back_max: 1 << (bits - 3) }
+    }
+
+    /// The time in ticks; a large step back is a restart of the clock, after which nothing is remembered.
+    fn see(&mut self, timed: &Timed) -> i128 {
+        let t = (timed.t >> self.shift) as i128;
+        if self.newest.is_some_and(|newest| newest - t > self.step_back_max) {
+            self.last = Default::default();
+            self.newest = None;
+        }
+        self.newest = Some(self.newest.map_or(t, |newest| newest.max(t)));
+        t
+    }
+
+    fn dt(&self) -> i128 {
+        (DT_US >> self.shift) as i128
+    }
+
+    fn pixel(&mut self, event: Event) -> &mut Option<i128> {
+        &mut self.last[event.y() as usize][event.x() as usize]
+    }
+
+    /// The neighbours of an event that fired at most `dt` before `t`: those beside it, and those at its corners.
+    fn recent(&self, event: Event, t: i128, dt: i128) -> (usize, usize) {
+        let (mut beside, mut corners) = (0, 0);
+        for (y, row) in self.last.iter().enumerate() {
+            for (x, last) in row.iter().enumerate() {
+                let (dx, dy) = (x.abs_diff(event.x() as usize), y.abs_diff(event.y() as usize));
+                let recent = last.is_some_and(|last| t - last <= dt) as usize;
+                match (dx, dy) {
+                    (1, 0) | (0, 1) => beside += recent,
+                    (1, 1) => corners += recent,
+                    _ => {}
+                }
+            }
+        }
+        (beside, corners)
+    }
+}
+
+fn refractory(memory: &mut Memory, timed: &Timed, refresh: Refresh) -> bool {
+    let (t, dt) = (memory.see(timed), memory.dt());
+    let last = memory.pixel(timed.event);
+    let keep = last.is_none_or(|last| t - last >= dt);
+    if keep || refresh == Refresh::All {
+        *last = Some(t);
+    }
+    keep
+}
+
+fn background_activity(memory: &mut Memory, timed: &Timed, neighbours: Neighbours) -> bool {
+    let t = memory.see(timed);
+    let (beside, corners) = memory.recent(timed.event, t, memory.dt());
+    *memory.pixel(timed.event) = Some(t);
+    beside > 0 || (neighbours == Neighbours::Eight && corners > 0)
+}
+
+/// Runs a filter against its oracle over random streams, for a `u32` map and for `u16` maps of several ticks.
+macro_rules! oracle {
+    ($name:ident, $filter:ident, |$shift:ident| $params:expr, $oracle:expr) => {
+        mod $name {
+            use super::*;
+
+            fn agrees(filter: &mut impl Filter, bits: u32, shift: u8, events: &[Timed], seed: u64) {
+                let mut memory = Memory::new(bits, shift);
+                let oracle: fn(&mut Memory, &Timed) -> bool = $oracle;
+                let expected: Vec<Timed> = events.iter().filter(|timed| oracle(&mut memory, timed)).copied().collect();
+                assert_eq!(run(filter, events, seed), expected);
+            }
+
+            proptest! {
+                #![proptest_config(ProptestConfig { failure_persistence: None, ..Default::default() })]
+
+                #[test]
+                fn u32_agrees(events in stream(1 << 29), seed: u64) {
+                    let $shift = 0;
+                    let memory = vec![0xA5A5_A5A5u32; $filter::<u32, ()>::required_len(SENSOR)];
+                    agrees(&mut $filter::try_new(SENSOR, $params, memory).unwrap(), 32, 0, &events, seed);
+                }
+
+                #[test]
+                fn u16_agrees(
+                    (shift, events) in (0..=10u8).prop_flat_map(|shift| (Just(shift), stream(1 << (13 + shift)))),
+                    seed: u64,
+                ) {
+                    let $shift = shift;
+                    let memory = vec![0xA5A5u16; $filter::<u16, ()>::required_len(SENSOR)];
+                    agrees(&mut $filter::try_new(SENSOR, $params, memory).unwrap(), 16, shift, &events, seed);
+                }
+            }
+
+            #[test]
+            fn refuses_another_sensor_and_short_memory() {
+                let $shift = 0;
+                let len = $filter::<u32, ()>::required_len(SENSOR);
+                assert!($filter::<u32, _>::try_new(SENSOR, $params, vec![0; len - 1]).is_err());
+                let mut filter = $filter::<u32, _>::try_new(SENSOR, $params, vec![0; len]).unwrap();
+                let found = Geometry::new(4, 5);
+                let refusal = WrongGeometry { expected: SENSOR, found };
+                let mut events = [Event::default()];
+                assert_eq!(filter.retain(&mut Block::new(0, 0, found, &mut events)), Err(refusal));
+            }
+
+            proptest! {
+                #![proptest_config(ProptestConfig { failure_persistence: None, ..Default::default() })]
+
+                /// By hand, an event at a time: no block tells the time, so no step may be near 2^31 µs.
+                #[test]
+                fn keep_agrees_with_retain(mut events in stream(1 << 20), seed: u64) {
+                    let far = |pair: &[Timed]| pair[0].t.abs_diff(pair[1].t) >= 1 << 29;
+                    let near = events.windows(2).position(far).map_or(events.len(), |before| before + 1);
+                    events.truncate(near);
+                    let $shift = 0;
+                    let memory = || vec![0u32; $filter::<u32, ()>::required_len(SENSOR)];
+                    let mut whole = $filter::<u32, _>::try_new(SENSOR, $params, memory()).unwrap();
+                    let mut single = $filter::<u32, _>::try_new(SENSOR, $params, memory()).unwrap();
+                    let kept: Vec<Timed> = events.iter().filter(|timed| single.keep(timed.event)).copied().collect();
+                    prop_assert_eq!(run(&mut whole, &events, seed), kept);
+                }
+            }
+        }
+    };
+}
+
+oracle!(
+    refractory_kept,
+    Refractory,
+    |shift| RefractoryParams { dt_us: DT_US, refresh: Refresh::Kept, shift },
+    |memory, timed| refractory(memory, timed, Refresh::Kept)
+);
+oracle!(
+    refractory_all,
+    Refractory,
+    |shift| RefractoryParams { dt_us: DT_US, refresh: Refresh::All, shift },
+    |memory, timed| refractory(memory, timed, Refresh::All)
+);
+oracle!(
+    background_activity_4,
+    BackgroundActivity,
+    |shift| BackgroundActivityParams { dt_us: DT_US, neighbours: Neighbours::Four, shift },
+    |memory, timed| background_activity(memory, timed, Neighbours::Four)
+);
+oracle!(
+    background_activity_8,
+    BackgroundActivity,
+    |shift| BackgroundActivityParams { dt_us: DT_US, neighbours: Neighbours::Eight, shift },
+    |memory, timed| background_activity(memory, timed, Neighbours::Eight)
+);
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..Default::default() })]
+
+    #[test]
+    fn polarity_and_region_agree(events in stream(1 << 29), seed: u64) {
+        let params = PolarityParams { keep: Polarity::Off };
+        let mut filter = PolarityFilter::try_new(SENSOR, params).unwrap();
+        let expected: Vec<Timed> = events.iter().filter(|timed| !timed.event.is_on()).copied().collect();
+        prop_assert_eq!(run(&mut filter, &events, seed), expected);
+
+        let params = RegionParams { x: 1, y: 2, width: 3, height: 2 };
+        let mut filter = RegionOfInterest::try_new(SENSOR, params).unwrap();
+        let inside = |e: Event| (1..4).contains(&e.x()) && (2..4).contains(&e.y());
+        let expected: Vec<Timed> = events.iter().filter(|timed| inside(timed.event)).copied().collect();
+        prop_assert_eq!(run(&mut filter, &events, seed), expected);
+    }
+}
+
+#[test]
+fn a_region_must_lie_on_the_sensor() {
+    let at = |x, width| RegionOfInterest::try_new(SENSOR, RegionParams { x, y: 0, width, height: 4 });
+    assert!(at(0, 5).is_ok() && at(4, 1).is_ok());
+    assert!(at(1, 5).is_err() && at(u16::MAX, u16::MAX).is_err());
+}
+
+#[test]
+fn a_map_refuses_what_it_cannot_tell_apart() {
+    let make = |dt_us, shift| {
+        let memory = [0u16; Refractory::<u16, ()>::required_len(SENSOR)];
+        Refractory::<u16, _>::try_new(
+            SENSOR,
+            RefractoryParams { dt_us, refresh: Refresh::Kept, shift },
+            memory,
+        )
+        .err()
+    };
+    use lobula_core::time_map::TimeMapError::*;
+    assert_eq!(make((1 << 14) - 1, 0), None);
+    assert_eq!(
+        make(1 << 14, 0),
+        Some(FilterError::TimeMap(DtTooLong { dt_us: 1 << 14, dt_us_max: (1 << 14) - 1 }))
+    );
+    assert_eq!(make((1 << 18) - 1, 4), None);
+    assert_eq!(make(15, 4), Some(FilterError::TimeMap(DtBelowTick { dt_us: 15, tick_us: 16 })));
+    assert_eq!(make(16, 19), Some(FilterError::TimeMap(ShiftTooLarge { shift: 19, shift_max: 18 })));
+}
+
+fn map<T: Clone + Default>(geometry: Geometry) -> Vec<T> {
+    vec![T::default(); TimeMap::<T, ()>::required_len(geometry)]
+}
+
+chunk_invariance!(filter polarity, |geometry| PolarityFilter::try_new(geometry, PolarityParams { keep: Polarity::On }).unwrap());
+chunk_invariance!(filter region_of_interest, |geometry| {
+    RegionOfInterest::try_new(geometry, RegionParams { x: 3, y: 1, width: 20, height: 2 }).unwrap()
+});
+chunk_invariance!(filter refractory, |geometry| {
+    let params = RefractoryParams { dt_us: 30, refresh: Refresh::Kept, shift: 0 };
+    Refractory::<u32, _>::try_new(geometry, params, map(geometry)).unwrap()
+});
+chunk_invariance!(filter background_activity, |geometry| {
+    let params = BackgroundActivityParams { dt_us: 30, neighbours: Neighbours::Eight, shift: 0 };
+    BackgroundActivity::<u32, _>::try_new(geometry, params, map(geometry)).unwrap()
+});
+chunk_invariance!(filter background_activity_u16, |geometry| {
+    let params = BackgroundActivityParams { dt_us: 32, neighbours: Neighbours::Four, shift: 3 };
+    BackgroundActivity::<u16, _>::try_new(geometry, params, map(geometry)).unwrap()
+});
+
+/// A tuple of filters, a chain of the same, and one after the other by hand.
+#[cfg(all(feature = "alloc", feature = "serde"))]
+mod chain {
+    use super::*;
+    use lobula_core::chain::{Chain, Spec};
+
+    fn spec() -> Spec {
+        serde_json::from_str(
+            r#"[
+                { "kind": "region_of_interest", "x": 0, "y": 0, "width": 4, "height": 4 },
+                { "kind": "refractory", "dt_us": 1024, "refresh": "all" },
+                { "kind": "background_activity", "dt_us": 1024, "shift": 4 }
+            ]"#,
+        )
+        .unwrap()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..Default::default() })]
+
+        #[test]
+        fn the_same_bits_as_a_tuple(events in stream(1 << 17), seeds: [u64; 2]) {
+            let mut a = [0u32; Refractory::<u32, ()>::required_len(SENSOR)];
+            let mut b = [0u16; BackgroundActivity::<u16, ()>::required_len(SENSOR)];
+            let dt_us = DT_US;
+            let mut tuple = (
+                RegionOfInterest::try_new(SENSOR, RegionParams { x: 0, y: 0, width: 4, height: 4 }).unwrap(),
+                Refractory::<u32, _>::try_new(SENSOR, RefractoryParams { dt_us, refresh: Refresh::All, shift: 0 }, &mut a[..]).unwrap(),
+                BackgroundActivity::<u16, _>::try_new(
+                    SENSOR,
+                    BackgroundActivityParams { dt_us, neighbours: Neighbours::Eight, shift: 4 },
+                    &mut b[..],
+                ).unwrap(),
+            );
+            let mut chain = Chain::try_new(&spec(), SENSOR).unwrap();
+            let kept = run(&mut chain, &events, seeds[0]);
+            prop_assert_eq!(&run(&mut tuple, &events, seeds[1]), &kept);
+            prop_assert_eq!(chain.removed() as usize, events.len() - kept.len());
+            prop_assert_eq!(chain.counts().map(|(_, n)| n).sum::<u64>(), chain.removed());
+        }
+    }
+}
