@@ -1,0 +1,61 @@
+//! What a format owes: everything else (blocks, index, slices, summary) is made from it, once for all formats.
+
+use crate::{Error, Format, Payload};
+use lobula_core::wire::Encoding;
+use lobula_core::{Counters, Geometry, Sink};
+use std::path::Path;
+
+/// A file that was opened and whose header was read.
+pub(crate) trait Container: Send + Sync + std::fmt::Debug {
+    /// The format's line in the table.
+    fn format(&self) -> &'static Format;
+
+    /// The file.
+    fn path(&self) -> &Path;
+
+    /// Its length in bytes.
+    fn bytes(&self) -> u64;
+
+    /// The sensor's size, if known.
+    fn geometry(&self) -> Option<Geometry>;
+
+    /// Size that blocks carry: the sensor's, else the largest that the format can tell.
+    fn geometry_of_blocks(&self) -> Geometry;
+
+    /// How events are encoded, where that is a camera's format.
+    fn encoding(&self) -> Option<Encoding>;
+
+    /// Lines of the header.
+    fn fields(&self) -> Vec<(&str, &str)>;
+
+    /// The camera's bytes, where the file holds them as they came.
+    fn payload(&self) -> Option<Payload>;
+
+    /// A cursor at the first event.
+    fn start(&self) -> Box<dyn Cursor>;
+}
+
+/// Why a cursor stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Stop {
+    /// The sink takes no more.
+    Full,
+    /// There is no more.
+    End,
+}
+
+/// A place in a recording, from which to decode on. It never fails on bad events: they are counted and skipped.
+pub(crate) trait Cursor: Send + Sync + std::fmt::Debug {
+    /// Decodes into `sink`, which is empty and holds at least [`Sink::LEN_MIN`] events, until it is full or all is
+    /// done. What is in the sink at an error is good.
+    fn fill(&mut self, sink: &mut Sink<'_>) -> Result<Stop, Error>;
+
+    /// Offset in the file up to which all is decoded. It only grows.
+    fn position(&self) -> u64;
+
+    /// What was done from the start of the recording.
+    fn counters(&self) -> Counters;
+
+    /// Another cursor at the same place, without buffers, to keep in an index.
+    fn fork(&self) -> Box<dyn Cursor>;
+}

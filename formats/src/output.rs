@@ -1,0 +1,81 @@
+//! A file being written: under a temporary name beside its own until it is complete.
+
+use crate::{Error, ErrorKind};
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// A file that appears under its name whole or not at all.
+#[derive(Debug)]
+pub(crate) struct Output {
+    file: File,
+    path: PathBuf,
+    /// Where the bytes are until the end; `None` once they have their name.
+    temporary: Option<PathBuf>,
+}
+
+impl Output {
+    /// Starts a file. One that is there stays until [`finish`](Self::finish).
+    pub fn create(path: &Path, overwrite: bool) -> Result<Self, Error> {
+        refuse_existing(path, overwrite)?;
+        let temporary = temporary(path)?;
+        let file = File::create_new(&temporary).map_err(|source| Error::io(path, "creating it", source))?;
+        Ok(Self { file, path: path.to_owned(), temporary: Some(temporary) })
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Adds bytes; give it large pieces, it keeps none back.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        self.file.write_all(bytes).map_err(|source| Error::io(&self.path, "writing it", source))
+    }
+
+    /// Makes the bytes safe on the disk and gives the file its name.
+    pub fn finish(mut self) -> Result<(), Error> {
+        self.file.sync_all().map_err(|source| Error::io(&self.path, "writing it", source))?;
+        if let Some(temporary) = &self.temporary {
+            std::fs::rename(temporary, &self.path).map_err(|source| Error::io(&self.path, "naming it", source))?;
+        }
+        self.temporary = None;
+        Ok(())
+    }
+}
+
+impl Drop for Output {
+    fn drop(&mut self) {
+        if let Some(temporary) = &self.temporary {
+            // Nothing is to be done where this fails: the name says that the file is a part.
+            let _ = std::fs::remove_file(temporary);
+        }
+    }
+}
+
+fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Error> {
+    let exists = std::fs::symlink_metadata(path);
+    match exists {
+        Ok(there) if there.is_dir() => {
+            let remedy = "name the file to write inside it";
+            Err(Error::new(ErrorKind::NotAFile, path, "is a directory", remedy))
+        }
+        Ok(_) if !overwrite => {
+            let remedy = "give --overwrite to replace it, or another name";
+            Err(Error::new(ErrorKind::Exists, path, "is there already", remedy))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// A name in the same folder, so that giving the file its own is one step. Two writers of one process differ too.
+fn temporary(path: &Path) -> Result<PathBuf, Error> {
+    use std::sync::atomic::{AtomicU64, Ordering};
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let Some(name) = path.file_name() else {
+        let remedy = "name the file to write";
+        return Err(Error::new(ErrorKind::NotAFile, path, "is no name of a file", remedy));
+    };
+    let count = COUNT.fetch_add(1, Ordering::Relaxed);
+    let name = format!(".{}.{}-{count}.part", name.to_string_lossy(), std::process::id());
+    Ok(path.with_file_name(name))
+}

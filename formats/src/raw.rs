@@ -1,0 +1,228 @@
+//! Prophesee RAW: a text header, then the camera's bytes as they came (EVT2, EVT2.1 or EVT3).
+//!
+//! Spec: <https://docs.prophesee.ai/stable/data/file_formats/raw.html>
+//!
+//! ```text
+//! % evt 3.0
+//! % format EVT3;height=720;width=1280      also endianness=legacy|little for EVT21
+//! % geometry 1280x720
+//! % system_ID 49                           older files tell no size but by this and plugin_name
+//! % end                                    older files have none
+//! events until the end of the file
+//! ```
+
+mod camera;
+mod header;
+mod write;
+
+use crate::container::{Container, Cursor, Stop};
+use crate::input::Input;
+use crate::{Error, Format, OpenOptions};
+use lobula_core::wire::{AnyDecoder, Encoding};
+use lobula_core::{Counters, Decode, Geometry, Sink};
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+use header::Header;
+pub use write::{RawWriter, Rebase, WriteOptions, Written};
+
+/// Its line in the table of formats.
+pub(crate) const FORMAT: Format =
+    Format { name: "Prophesee RAW", extensions: &["raw"], writes: true, probe, open };
+
+/// Largest sensor that eleven bits of x and y can tell.
+pub(crate) const GEOMETRY_MAX: Geometry = Geometry::new(2048, 2048);
+
+/// Bytes read at once.
+const READ_BYTES: usize = 64 << 10;
+
+fn probe(head: &[u8]) -> bool {
+    // Not Prophesee DAT, whose header looks alike.
+    head.starts_with(b"% ") && !head.starts_with(b"% Data file")
+}
+
+fn open(input: Input, options: &OpenOptions) -> Result<Box<dyn Container>, Error> {
+    let limits = &options.limits;
+    let mut head = vec![0; limits.header_bytes_max.min(usize::try_from(input.len()).unwrap_or(usize::MAX))];
+    let len = input.read_at(0, &mut head)?;
+    head.truncate(len);
+    let header = Header::parse(&head, input.len(), input.path(), limits)?;
+    let encoding = options.encoding.map_or_else(|| header.encoding(input.path()), Ok)?;
+    let geometry = match options.sensor_size {
+        Some(size) => Some(size),
+        None => header.geometry(input.path(), limits)?,
+    };
+    let file = Arc::new(RawFile { input, header, encoding, geometry });
+    Ok(Box::new(RawRecording(file)))
+}
+
+/// An open file.
+#[derive(Debug)]
+struct RawFile {
+    input: Input,
+    header: Header,
+    encoding: Encoding,
+    geometry: Option<Geometry>,
+}
+
+impl RawFile {
+    /// The events' bytes.
+    fn payload(&self) -> Range<u64> {
+        self.header.bytes()..self.input.len()
+    }
+}
+
+#[derive(Debug)]
+struct RawRecording(Arc<RawFile>);
+
+impl Container for RawRecording {
+    fn format(&self) -> &'static Format {
+        &FORMAT
+    }
+
+    fn path(&self) -> &Path {
+        self.0.input.path()
+    }
+
+    fn bytes(&self) -> u64 {
+        self.0.input.len()
+    }
+
+    fn geometry(&self) -> Option<Geometry> {
+        self.0.geometry
+    }
+
+    fn geometry_of_blocks(&self) -> Geometry {
+        self.0.geometry.unwrap_or(GEOMETRY_MAX)
+    }
+
+    fn encoding(&self) -> Option<Encoding> {
+        Some(self.0.encoding)
+    }
+
+    fn fields(&self) -> Vec<(&str, &str)> {
+        self.0.header.fields().collect()
+    }
+
+    fn payload(&self) -> Option<Payload> {
+        Some(Payload { offset: self.0.payload().start, file: self.0.clone() })
+    }
+
+    fn start(&self) -> Box<dyn Cursor> {
+        let decoder = AnyDecoder::new(self.0.encoding, self.geometry_of_blocks());
+        let next = self.0.payload().start;
+        Box::new(RawCursor { file: self.0.clone(), decoder, next, buffer: Vec::new(), unread: 0..0 })
+    }
+}
+
+/// A decoder and the bytes it takes next.
+#[derive(Debug)]
+struct RawCursor {
+    file: Arc<RawFile>,
+    decoder: AnyDecoder,
+    /// Offset in the file of the byte after those in `buffer`.
+    next: u64,
+    /// Empty until the first read, so that a checkpoint is small.
+    buffer: Vec<u8>,
+    /// The part of `buffer` that is not decoded yet.
+    unread: Range<usize>,
+}
+
+impl RawCursor {
+    /// Reads the next bytes; false at the end of the file.
+    fn refill(&mut self) -> Result<bool, Error> {
+        self.buffer.resize(READ_BYTES, 0);
+        let len = self.file.input.read_at(self.next, &mut self.buffer)?;
+        self.next += len as u64;
+        self.unread = 0..len;
+        Ok(len > 0)
+    }
+}
+
+impl Cursor for RawCursor {
+    fn fill(&mut self, sink: &mut Sink<'_>) -> Result<Stop, Error> {
+        loop {
+            let taken = self.decoder.decode(&self.buffer[self.unread.clone()], sink);
+            self.unread.start += taken;
+            if !self.unread.is_empty() {
+                return Ok(Stop::Full);
+            }
+            if !self.refill()? {
+                self.decoder.finish();
+                return Ok(Stop::End);
+            }
+        }
+    }
+
+    fn position(&self) -> u64 {
+        self.next - self.unread.len() as u64
+    }
+
+    fn counters(&self) -> Counters {
+        *self.decoder.counters()
+    }
+
+    fn fork(&self) -> Box<dyn Cursor> {
+        let (file, decoder, next) = (self.file.clone(), self.decoder.clone(), self.position());
+        Box::new(Self { file, decoder, next, buffer: Vec::new(), unread: 0..0 })
+    }
+}
+
+/// A camera's bytes as they came, read in pieces: what a live source sends.
+///
+/// ```no_run
+/// let recording = lobula_formats::open("driving.raw")?;
+/// let mut payload = recording.payload().expect("RAW files hold the camera's bytes");
+/// let mut transfer = vec![0; 16384];
+/// loop {
+///     let len = payload.read(&mut transfer)?;
+///     if len == 0 {
+///         break;
+///     }
+///     // decode &transfer[..len]
+/// }
+/// # Ok::<(), lobula_formats::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Payload {
+    file: Arc<RawFile>,
+    offset: u64,
+}
+
+impl Payload {
+    /// How events are encoded.
+    pub fn encoding(&self) -> Encoding {
+        self.file.encoding
+    }
+
+    /// The sensor's size, if known.
+    pub fn geometry(&self) -> Option<Geometry> {
+        self.file.geometry
+    }
+
+    /// Offsets in the file of the camera's bytes.
+    pub fn range(&self) -> Range<u64> {
+        self.file.payload()
+    }
+
+    /// Offset in the file of the next byte.
+    pub fn position(&self) -> u64 {
+        self.offset
+    }
+
+    /// Fills `buffer` with the next bytes; fewer only at the end, 0 after it.
+    ///
+    /// # Errors
+    /// Where the file cannot be read, or became shorter meanwhile.
+    pub fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Error> {
+        let len = self.file.input.read_at(self.offset, buffer)?;
+        self.offset += len as u64;
+        Ok(len)
+    }
+
+    /// Goes back to the first byte.
+    pub fn rewind(&mut self) {
+        self.offset = self.range().start;
+    }
+}
