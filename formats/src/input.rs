@@ -65,7 +65,8 @@ impl Input {
         if source.kind() != std::io::ErrorKind::UnexpectedEof {
             return Error::io(&self.path, "reading it", source).at(offset);
         }
-        let what = format!("became shorter than the {} bytes it had when it was opened, while reading", self.len);
+        let what =
+            format!("became shorter than the {} bytes it had when it was opened, while reading", self.len);
         Error::new(ErrorKind::Changed, &self.path, what, "let the other program finish, then open it again")
             .at(offset)
     }

@@ -13,17 +13,17 @@
 //! A format is one module that implements `Container` and one line in [`FORMATS`]; blocks, index, slices and summary
 //! come from that. Memory is bounded by [`Limits`] whatever the file says or how long it is.
 
-mod error;
-mod limits;
-mod input;
-mod output;
 mod container;
-mod open;
-mod recording;
-mod index;
 mod digest;
+mod error;
+mod index;
 mod info;
+mod input;
+mod limits;
+mod open;
+mod output;
 mod raw;
+mod recording;
 
 pub use digest::Digest;
 pub use error::{Error, ErrorKind};

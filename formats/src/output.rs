@@ -36,7 +36,8 @@ impl Output {
     pub fn finish(mut self) -> Result<(), Error> {
         self.file.sync_all().map_err(|source| Error::io(&self.path, "writing it", source))?;
         if let Some(temporary) = &self.temporary {
-            std::fs::rename(temporary, &self.path).map_err(|source| Error::io(&self.path, "naming it", source))?;
+            std::fs::rename(temporary, &self.path)
+                .map_err(|source| Error::io(&self.path, "naming it", source))?;
         }
         self.temporary = None;
         Ok(())

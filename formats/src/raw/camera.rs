@@ -40,16 +40,16 @@ const SYSTEMS: &[(u64, Geometry)] = &[
 
 /// Sizes by `plugin_name`.
 const PLUGINS: &[(&str, Geometry)] = &[
-    ("hal_plugin_gen3_fx3", VGA),    // openeb
-    ("hal_plugin_gen31_fx3", VGA),   // openeb
-    ("hal_plugin_gen31_evk2", VGA),  // openeb
-    ("hal_plugin_gen31_evk3", VGA),  // openeb
-    ("hal_plugin_gen4_fx3", HD),     // openeb
-    ("hal_plugin_gen4_evk2", HD),    // openeb
-    ("hal_plugin_gen41_evk2", HD),   // openeb
-    ("hal_plugin_gen41_evk3", HD),   // openeb
-    ("hal_plugin_imx636_evk4", HD),  // headers
-    ("evc3a_plugin_gen31", VGA),     // headers (CenturyArks SilkyEvCam VGA)
+    ("hal_plugin_gen3_fx3", VGA),   // openeb
+    ("hal_plugin_gen31_fx3", VGA),  // openeb
+    ("hal_plugin_gen31_evk2", VGA), // openeb
+    ("hal_plugin_gen31_evk3", VGA), // openeb
+    ("hal_plugin_gen4_fx3", HD),    // openeb
+    ("hal_plugin_gen4_evk2", HD),   // openeb
+    ("hal_plugin_gen41_evk2", HD),  // openeb
+    ("hal_plugin_gen41_evk3", HD),  // openeb
+    ("hal_plugin_imx636_evk4", HD), // headers
+    ("evc3a_plugin_gen31", VGA),    // headers (CenturyArks SilkyEvCam VGA)
 ];
 
 /// `system_ID` of the first board (EVK2_SAPHIR) that sends EVT2.1 words in plain little-endian order; openeb reads

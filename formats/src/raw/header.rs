@@ -59,7 +59,12 @@ impl Header {
                 .at(offset);
         }
         let what = format!("has a header of more than {offset} bytes");
-        Error::new(ErrorKind::TooLarge, path, what, "check that it is a recording, or raise the limit for headers")
+        Error::new(
+            ErrorKind::TooLarge,
+            path,
+            what,
+            "check that it is a recording, or raise the limit for headers",
+        )
     }
 
     /// Takes one line without its prefix; false for the line that ends the header.
@@ -92,11 +97,6 @@ impl Header {
     /// Length in bytes: the offset of the first event.
     pub fn bytes(&self) -> u64 {
         self.len
-    }
-
-    /// Whether it says anything about how events are encoded.
-    pub(super) fn names_encoding(&self) -> bool {
-        self.field("evt").is_some() || self.field("format").is_some()
     }
 
     /// How events are encoded: by `format` and `evt`, which must agree.
@@ -134,7 +134,8 @@ impl Header {
     /// EVT2.1 in the order of `endianness`, a part of `format` or a line of its own, else in that of the camera.
     fn word_order(&self, path: &Path) -> Result<Encoding, Error> {
         let part = self.format_part("endianness");
-        let named = part.or_else(|| self.field("endianness").map(|field| (field.value.as_str(), field.offset)));
+        let named =
+            part.or_else(|| self.field("endianness").map(|field| (field.value.as_str(), field.offset)));
         match named {
             Some(("legacy", _)) => Ok(Encoding::Evt21(WordOrder::Legacy)),
             Some(("little", _)) => Ok(Encoding::Evt21(WordOrder::Little)),
@@ -145,7 +146,9 @@ impl Header {
                 "give --encoding evt21 or --encoding evt21_legacy",
             )
             .at(offset)),
-            None if self.system_id().is_some_and(camera::swaps_halves) => Ok(Encoding::Evt21(WordOrder::Legacy)),
+            None if self.system_id().is_some_and(camera::swaps_halves) => {
+                Ok(Encoding::Evt21(WordOrder::Legacy))
+            }
             None => Ok(Encoding::Evt21(WordOrder::Little)),
         }
     }
@@ -158,7 +161,8 @@ impl Header {
 
     /// The sensor's size: by `format` and `geometry`, which must agree, else by the camera; `None` if none tells.
     pub(super) fn geometry(&self, path: &Path, limits: &Limits) -> Result<Option<Geometry>, Error> {
-        let size = |text: &str, offset| geometry(text, limits).map_err(|why| why.error(text, path).at(offset));
+        let size =
+            |text: &str, offset| geometry(text, limits).map_err(|why| why.error(text, path).at(offset));
         let line = self.field("geometry").map(|field| size(&field.value, field.offset)).transpose()?;
         let part = match (self.format_part("width"), self.format_part("height")) {
             (Some((width, offset)), Some((height, _))) => Some(size(&format!("{width}x{height}"), offset)?),
@@ -272,7 +276,7 @@ mod tests {
     fn encodings() {
         check("% evt 3.0\n% end\n% x y\n", "evt3 ? 16");
         check("% evt 2.0\n\u{1}", "evt2 ? 10");
-        check("% evt 3.0\r\n% geometry 640x480\r\n% end\r\n", "evt3 640x480 39");
+        check("% evt 3.0\r\n% geometry 640x480\r\n% end\r\n", "evt3 640x480 38");
         check("% format EVT3;height=720;width=1280\n", "evt3 1280x720 36");
         check("% evt 2.1\n", "evt21 ? 10");
         check("% format EVT21;endianness=legacy\n% evt 2.1\n", "evt21_legacy ? 43");
@@ -296,11 +300,15 @@ mod tests {
         let option = "give the true size with --sensor-size WxH";
         check(
             "% evt 3.0\n% geometry 1000000x1000000\n",
-            &format!("a.raw: has the sensor size 1000000x1000000, beyond 8192 pixels a side, at byte 10; {option}"),
+            &format!(
+                "a.raw: has the sensor size 1000000x1000000, beyond 8192 pixels a side, at byte 10; {option}"
+            ),
         );
         check(
             "% evt 3.0\n% geometry 99999999999999999999999x1\n",
-            &format!("a.raw: has the sensor size 99999999999999999999999x1, beyond 8192 pixels a side, at byte 10; {option}"),
+            &format!(
+                "a.raw: has the sensor size 99999999999999999999999x1, beyond 8192 pixels a side, at byte 10; {option}"
+            ),
         );
         check(
             "% evt 3.0\n% geometry 0x480\n",
@@ -312,7 +320,9 @@ mod tests {
         );
         check(
             "% geometry 640x480\n% format EVT3;height=720;width=1280\n",
-            &format!("a.raw: has a header that contradicts itself (`format` says 1280x720, `geometry` 640x480); {option}"),
+            &format!(
+                "a.raw: has a header that contradicts itself (`format` says 1280x720, `geometry` 640x480); {option}"
+            ),
         );
         check(
             "% evt 4.0\n",
@@ -330,7 +340,10 @@ mod tests {
             "% date today\n",
             "a.raw: has a header that does not name the encoding (no `evt` and no `format` line); give it with --encoding",
         );
-        check("% evt 3.", "a.raw: ends inside its header at byte 8; copy it again from where it was recorded");
+        check(
+            "% evt 3.",
+            "a.raw: ends inside its header at byte 8; copy it again from where it was recorded",
+        );
     }
 
     #[test]

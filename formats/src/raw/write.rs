@@ -83,8 +83,14 @@ impl RawWriter {
     ) -> Result<Self, Error> {
         let path = path.as_ref();
         if geometry.width > GEOMETRY_MAX.width || geometry.height > GEOMETRY_MAX.height {
-            let what = format!("cannot be written: {encoding} holds sensors up to {GEOMETRY_MAX}, not {geometry}");
-            return Err(Error::new(ErrorKind::Refused, path, what, "crop the events or choose another format"));
+            let what =
+                format!("cannot be written: {encoding} holds sensors up to {GEOMETRY_MAX}, not {geometry}");
+            return Err(Error::new(
+                ErrorKind::Refused,
+                path,
+                what,
+                "crop the events or choose another format",
+            ));
         }
         let mut output = Output::create(path, options.overwrite)?;
         let header = header(encoding, geometry);
@@ -190,12 +196,14 @@ impl RawWriter {
 
     fn refused(&self, refused: Refused) -> Error {
         let (what, remedy) = match refused {
-            Refused::StartTooLate { t } => {
-                (format!("the first event at {t} µs is beyond the 2^40 µs of the format"), "write it with --rebase")
-            }
-            Refused::StepBack { from, to } => {
-                (format!("time steps back from {from} to {to} µs, which would read as a wrap"), "sort it first")
-            }
+            Refused::StartTooLate { t } => (
+                format!("the first event at {t} µs is beyond the 2^40 µs of the format"),
+                "write it with --rebase",
+            ),
+            Refused::StepBack { from, to } => (
+                format!("time steps back from {from} to {to} µs, which would read as a wrap"),
+                "sort it first",
+            ),
             Refused::OffFormat { x, y } => {
                 (format!("pixel ({x}, {y}) is beyond the format's {GEOMETRY_MAX}"), "crop the events first")
             }

@@ -1,0 +1,147 @@
+//! Slices by time and by number are what a full pass would keep.
+
+use super::{events_of, everything};
+use lobula_core::wire::{Encoding, WordOrder};
+use lobula_core::{Event, Geometry, Polarity, Span, Trigger};
+use lobula_formats::{Limits, OpenOptions, RawWriter, Recording, WriteOptions, open, open_with};
+use lobula_tests::data;
+use proptest::prelude::*;
+use std::ops::Range;
+use std::path::Path;
+
+/// A full pass, to compare slices with.
+struct Whole {
+    events: Vec<(u64, Event)>,
+    triggers: Vec<Trigger>,
+}
+
+impl Whole {
+    fn of(recording: &Recording) -> Self {
+        let (events, triggers) = everything(recording.blocks());
+        Self { events, triggers }
+    }
+
+    fn check_time(&self, recording: &Recording, t: Range<u64>) {
+        let (events, triggers) = everything(recording.slice_time(t.clone()).unwrap());
+        let expected: Vec<_> = self.events.iter().filter(|(time, _)| t.contains(time)).copied().collect();
+        assert!(events == expected, "{t:?}: {} events, not {}", events.len(), expected.len());
+        let expected: Vec<_> = self.triggers.iter().filter(|one| t.contains(&one.t)).copied().collect();
+        assert_eq!(triggers, expected, "{t:?}");
+    }
+
+    fn check_numbers(&self, recording: &Recording, numbers: Range<u64>) {
+        let (events, triggers) = everything(recording.slice_events(numbers.clone()).unwrap());
+        let end = numbers.end.min(self.events.len() as u64) as usize;
+        let expected = &self.events[(numbers.start as usize).min(end)..end];
+        assert!(events == expected, "{numbers:?}: {} events, not {}", events.len(), expected.len());
+        let inside = |one: &&Trigger| numbers.contains(&one.ordinal);
+        let expected: Vec<_> = self.triggers.iter().filter(inside).copied().collect();
+        assert_eq!(triggers, expected, "{numbers:?}");
+    }
+
+    /// Ranges around everything, and at random.
+    fn check_many(&self, recording: &Recording, draws: u64) {
+        let events = self.events.len() as u64;
+        let times = self.events.iter().map(|(t, _)| *t);
+        let (low, high) = (times.clone().min().unwrap_or(0), times.max().unwrap_or(0));
+        let mut draw = Draw(0x9E37_79B9_7F4A_7C15);
+        for t in [0..u64::MAX, 0..low, low..high, high..high + 1, high + 1..u64::MAX, low..low] {
+            self.check_time(recording, t);
+        }
+        for numbers in [0..u64::MAX, 0..0, 0..1, events..events + 1, events + 5..u64::MAX] {
+            self.check_numbers(recording, numbers);
+        }
+        for _ in 0..draws {
+            let t = low + draw.below(high - low + 1);
+            self.check_time(recording, t..t + draw.below(1 + (high - low) / 10));
+            let number = draw.below(events + 1);
+            self.check_numbers(recording, number..number + draw.below(20_000));
+        }
+    }
+}
+
+/// xorshift: the same ranges in every run.
+struct Draw(u64);
+
+impl Draw {
+    fn below(&mut self, end: u64) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0 % end.max(1)
+    }
+}
+
+#[test]
+fn of_real_recordings() {
+    for file in [
+        "evt2_gen3_640x480.raw",
+        "evt21_legacy_1280x720.raw",
+        "evt3_gen41_1280x720.raw",
+        "evt3_trigger_1280x720.raw",
+    ] {
+        let Some(path) = data(file) else { return };
+        let recording = open(&path).unwrap();
+        let whole = Whole::of(&recording);
+        whole.check_many(&recording, 20);
+        assert_eq!(recording.index().unwrap().events(), whole.events.len() as u64);
+    }
+}
+
+#[test]
+fn of_a_coarse_index() {
+    let Some(path) = data("evt2_gen3_640x480.raw") else { return };
+    let fine = open(&path).unwrap().index().unwrap().bytes();
+    let mut options = OpenOptions::default();
+    options.limits = index_limit(fine / 4);
+    let recording = open_with(&path, &options).unwrap();
+    let coarse = recording.index().unwrap().bytes();
+    assert!(coarse <= fine / 4, "{coarse} of {fine} bytes");
+    Whole::of(&recording).check_many(&recording, 5);
+}
+
+fn index_limit(bytes: usize) -> Limits {
+    let mut limits = Limits::default();
+    limits.index_bytes_max = bytes;
+    limits
+}
+
+fn write(path: &Path, encoding: Encoding, events: &[(u64, Event)]) {
+    let geometry = Geometry::new(2048, 2048);
+    let mut writer = RawWriter::create(path, encoding, geometry, &WriteOptions::default()).unwrap();
+    for (t, event) in events {
+        writer.write(Span { t_first: *t, t_last: *t, geometry, events: &[*event] }).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+/// Steps of time: mostly small, now and then back, now and then long silence.
+fn steps() -> impl Strategy<Value = Vec<i64>> {
+    prop::collection::vec(prop_oneof![9 => 0i64..20, 2 => -40i64..0, 1 => 0i64..40_000_000], 1..40)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    /// Long enough for many checkpoints: each step is repeated.
+    #[test]
+    fn of_generated_recordings(steps in steps(), coarse in any::<bool>()) {
+        let mut t = 1_000_000_000i64;
+        let mut events = Vec::new();
+        for (i, step) in steps.iter().cycle().take(60_000).enumerate() {
+            t = (t + step).max(0);
+            let event = Event::new(t as u32, (i % 1009) as u16, (i % 719) as u16, Polarity::from_bit(i as u16));
+            events.push((t as u64, event));
+        }
+        let folder = tempfile::tempdir().unwrap();
+        for encoding in [Encoding::Evt2, Encoding::Evt21(WordOrder::Little), Encoding::Evt3] {
+            let path = folder.path().join(encoding.name());
+            write(&path, encoding, &events);
+            let mut options = OpenOptions::default();
+            options.limits = index_limit(if coarse { 0 } else { 8 << 20 });
+            let recording = open_with(&path, &options).unwrap();
+            prop_assert!(events_of(&recording) == events, "{}", encoding);
+            Whole::of(&recording).check_many(&recording, 4);
+        }
+    }
+}

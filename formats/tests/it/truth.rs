@@ -1,0 +1,53 @@
+//! Real recordings give what other programs found in them (data/truth.json).
+
+use lobula_formats::{Summary, WithDigest, open};
+use lobula_tests::data;
+use serde_json::Value;
+
+const FILES: [&str; 5] = [
+    "evt2_gen3_640x480.raw",
+    "evt21_le_1280x720.raw",
+    "evt21_legacy_1280x720.raw",
+    "evt3_gen41_1280x720.raw",
+    "evt3_trigger_1280x720.raw",
+];
+const KEYS: [&str; 8] = ["events", "on", "off", "t_first_us", "t_last_us", "width", "height", "sha256"];
+
+#[test]
+fn counts_times_sizes_and_digests() {
+    let Some(truth) = data("truth.json") else { return };
+    let truth: Value = serde_json::from_slice(&std::fs::read(truth).unwrap()).unwrap();
+    for file in FILES {
+        let Some(path) = data(file) else { return };
+        let summary = Summary::of(&open(path).unwrap(), WithDigest::Yes).unwrap();
+        let summary = serde_json::to_value(&summary).unwrap();
+        for key in KEYS {
+            assert_eq!(summary[key], truth[file][key], "{file} {key}");
+        }
+    }
+}
+
+#[test]
+fn every_byte_is_in_one_count() {
+    for file in FILES {
+        let Some(path) = data(file) else { return };
+        let recording = open(path).unwrap();
+        let payload = recording.payload().unwrap().range();
+        let summary = Summary::of(&recording, WithDigest::No).unwrap();
+        assert_eq!(summary.bytes_decoded + summary.bytes_faulty, payload.end - payload.start, "{file}");
+        assert_eq!(summary.off_sensor, 0, "{file}");
+    }
+}
+
+/// The channels and edges of this file, as its own test data says: 8 rising and falling edges or more.
+#[test]
+fn triggers_come_in_order_with_their_place() {
+    let Some(path) = data("evt3_trigger_1280x720.raw") else { return };
+    let (events, triggers) = super::everything(open(path).unwrap().blocks());
+    assert!(!triggers.is_empty());
+    assert!(triggers.is_sorted_by_key(|trigger| trigger.ordinal));
+    for trigger in &triggers {
+        let before = events[trigger.ordinal as usize - 1].0;
+        assert!(before <= trigger.t, "{trigger:?} after the event of {before} µs");
+    }
+}
