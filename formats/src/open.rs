@@ -23,8 +23,10 @@ pub struct Format {
     /// Whether a file that begins so is of this format.
     pub(crate) probe: fn(head: &[u8]) -> bool,
     /// Opens a file of this format.
-    pub(crate) open: fn(Input, &OpenOptions) -> Result<Box<dyn Container>, Error>,
+    pub(crate) open: Open,
 }
+
+type Open = fn(Input, &OpenOptions) -> Result<Box<dyn Container>, Error>;
 
 /// What a file does not say, or says wrongly, and bounds. Each option is the tool's of the same name.
 ///

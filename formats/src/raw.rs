@@ -132,7 +132,8 @@ struct RawCursor {
 impl RawCursor {
     /// Reads the next bytes; false at the end of the file.
     fn refill(&mut self) -> Result<bool, Error> {
-        self.buffer.resize(READ_BYTES, 0);
+        let left = self.file.input.len().saturating_sub(self.next);
+        self.buffer.resize(READ_BYTES.min(usize::try_from(left).unwrap_or(READ_BYTES)), 0);
         let len = self.file.input.read_at(self.next, &mut self.buffer)?;
         self.next += len as u64;
         self.unread = 0..len;

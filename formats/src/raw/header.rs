@@ -195,8 +195,8 @@ impl Header {
     /// The value of `key=value` in the `format` line, with the line's offset.
     fn format_part(&self, key: &str) -> Option<(&str, u64)> {
         let field = self.field("format")?;
-        let parts = field.value.split(';').filter_map(|part| part.split_once('='));
-        parts.filter(|(name, _)| name.trim() == key).map(|(_, value)| (value.trim(), field.offset)).last()
+        let mut parts = field.value.split(';').filter_map(|part| part.split_once('='));
+        parts.rfind(|(name, _)| name.trim() == key).map(|(_, value)| (value.trim(), field.offset))
     }
 }
 

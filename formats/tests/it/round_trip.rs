@@ -1,7 +1,7 @@
 //! Written files hold the same events, or are refused and not there.
 
 use super::{events_of, everything};
-use lobula_core::wire::{Encoding, WordOrder};
+use lobula_core::wire::Encoding;
 use lobula_core::{Event, Geometry, Polarity, Span};
 use lobula_formats::{
     Error, ErrorKind, RawWriter, Rebase, Recording, Summary, WithDigest, WriteOptions, Written, open,
@@ -9,8 +9,6 @@ use lobula_formats::{
 use lobula_tests::data;
 use std::path::Path;
 
-const ENCODINGS: [Encoding; 4] =
-    [Encoding::Evt2, Encoding::Evt21(WordOrder::Little), Encoding::Evt21(WordOrder::Legacy), Encoding::Evt3];
 const HD: Geometry = Geometry::new(1280, 720);
 
 fn copy(from: &Recording, to: &Path, encoding: Encoding, options: &WriteOptions) -> Result<Written, Error> {
@@ -54,7 +52,7 @@ fn every_sample_in_every_encoding() {
         let Some(path) = data(file) else { return };
         let from = open(path).unwrap();
         let expected = Summary::of(&from, WithDigest::Yes).unwrap();
-        for encoding in ENCODINGS {
+        for encoding in Encoding::ALL.iter().copied() {
             let path = folder.path().join(format!("{encoding}-{file}"));
             let written = copy(&from, &path, encoding, &WriteOptions::default()).unwrap();
             let to = open(&path).unwrap();
@@ -73,7 +71,7 @@ fn silence_of_hours_and_starts_up_to_2_to_the_40() {
     const HOUR: u64 = 3_600_000_000;
     for start in [0, 1 << 24, 1 << 34, 1 << 39, (1 << 40) - 1] {
         let expected = [0, 1, HOUR, 9 * HOUR, 9 * HOUR + 7, 100 * HOUR].map(|t| start + t);
-        for encoding in ENCODINGS {
+        for encoding in Encoding::ALL.iter().copied() {
             let path = folder.path().join(format!("{encoding}-{start}"));
             write_at(&path, encoding, &expected, &WriteOptions::default()).unwrap();
             assert_eq!(times(&path), expected, "{encoding}");
@@ -85,7 +83,7 @@ fn silence_of_hours_and_starts_up_to_2_to_the_40() {
 fn epoch_times_are_refused_and_rebased() {
     let folder = tempfile::tempdir().unwrap();
     let epoch = [1_744_227_144_732_712, 1_744_227_144_732_719];
-    for encoding in ENCODINGS {
+    for encoding in Encoding::ALL.iter().copied() {
         let path = folder.path().join(encoding.name());
         let error = write_at(&path, encoding, &epoch, &WriteOptions::default()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Refused);
@@ -116,7 +114,7 @@ fn every_pixel_of_the_largest_sensor_and_none_beyond() {
     let folder = tempfile::tempdir().unwrap();
     let largest = Geometry::new(2048, 2048);
     let corners = [(0, 0), (2047, 0), (0, 2047), (2047, 2047), (1024, 31)];
-    for encoding in ENCODINGS {
+    for encoding in Encoding::ALL.iter().copied() {
         let path = folder.path().join(encoding.name());
         let mut writer = RawWriter::create(&path, encoding, largest, &WriteOptions::default()).unwrap();
         let events = corners.map(|(x, y)| Event::new(5, x, y, Polarity::Off));
@@ -163,7 +161,7 @@ fn a_file_is_replaced_only_on_request_and_only_whole() {
 fn no_events_make_a_file_that_opens() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("none.raw");
-    for encoding in ENCODINGS {
+    for encoding in Encoding::ALL.iter().copied() {
         let mut options = WriteOptions::default();
         options.overwrite = true;
         write_at(&path, encoding, &[], &options).unwrap();
