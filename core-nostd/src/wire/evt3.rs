@@ -19,11 +19,17 @@
 //! wrap only beyond half the range ([`Unwrap`]), and a smaller one steps time back, as TIME_LOW may.
 
 use crate::{
-    Counters, Decode, Encode, Encoded, Event, Fault, Geometry, Polarity, Refused, Sink, Span, Trigger, Unwrap,
+    Counters, Decode, Encode, Encoded, Event, Fault, Geometry, Polarity, Refused, Sink, Span, Trigger,
+    Unwrap, full_time,
 };
 
+mod kernel;
+mod portable;
 #[cfg(test)]
 mod tests;
+
+pub use kernel::Kernel;
+use kernel::Steady;
 
 const ADDR_Y: u16 = 0x0;
 const ADDR_X: u16 = 0x2;
@@ -91,6 +97,7 @@ struct State {
 #[derive(Clone, Debug)]
 pub struct Decoder {
     geometry: Geometry,
+    kernel: Kernel,
     state: State,
     /// The first byte of a word whose second has not come.
     carry: Option<u8>,
@@ -98,17 +105,56 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// A decoder at the start of a stream of a sensor of this size.
+    /// A decoder at the start of a stream of a sensor of this size, with the fastest kernel of this CPU.
     pub fn new(geometry: Geometry) -> Self {
-        let state = State { clock: Clock::Unset, high: Unwrap::near(0), time: 0, row: None, base: None };
-        Self { geometry, state, carry: None, counters: Counters::default() }
+        Self::with_kernel(geometry, Kernel::best())
     }
 
-    /// Decodes whole words and returns how many.
+    /// The same with a kernel of choice; one that this CPU lacks is replaced by the best that it has.
+    pub fn with_kernel(geometry: Geometry, kernel: Kernel) -> Self {
+        let state = State { clock: Clock::Unset, high: Unwrap::near(0), time: 0, row: None, base: None };
+        Self { geometry, kernel, state, carry: None, counters: Counters::default() }
+    }
+
+    /// Decodes whole words and returns how many: steady stretches by the kernel, what comes between them one by one.
     fn words(&mut self, words: &[[u8; 2]], sink: &mut Sink<'_>) -> usize {
+        let mut rest = words;
+        loop {
+            let done = self.stretch(rest, sink);
+            rest = rest.get(done..).unwrap_or_default();
+            let between = rest.get(..Self::BETWEEN).unwrap_or(rest);
+            let done = self.one_by_one(between, sink);
+            rest = rest.get(done..).unwrap_or_default();
+            if done < Self::BETWEEN {
+                return words.len() - rest.len();
+            }
+        }
+    }
+
+    /// Words to take one by one before the kernel is tried again.
+    const BETWEEN: usize = 8;
+
+    fn one_by_one(&mut self, words: &[[u8; 2]], sink: &mut Sink<'_>) -> usize {
         let fits =
             |bytes: &&[u8; 2]| sink.room() >= WORD_EVENTS_MAX && self.word(u16::from_le_bytes(**bytes), sink);
         words.iter().take_while(fits).count()
+    }
+
+    /// Decodes a steady stretch, if the stream is in one.
+    fn stretch(&mut self, words: &[[u8; 2]], sink: &mut Sink<'_>) -> usize {
+        let Some(mut steady) = self.state.steady(self.geometry, sink) else { return 0 };
+        let done = self.kernel.run(&mut steady, words, sink.spare());
+        let time = |event: &Event| full_time(self.state.time, event.t());
+        if let Some([first, .., last] | [first @ last]) = sink.spare().get(..done.events) {
+            let (first, last) = (time(first), time(last));
+            sink.commit(done.events, first, last);
+        }
+        self.counters.bytes_decoded += 2 * done.words as u64;
+        self.counters.events += done.events as u64;
+        self.state.time = full_time(self.state.time, steady.time);
+        self.state.row = Some(steady.row);
+        self.state.base = steady.base;
+        done.words
     }
 
     /// Decodes one word. False, and nothing is done, when the sink cannot take what it makes.
@@ -211,6 +257,21 @@ enum Outcome {
 }
 
 impl State {
+    /// What a kernel needs, if time and row are known and the sink takes every time that TIME_LOW can tell.
+    fn steady(&self, geometry: Geometry, sink: &Sink<'_>) -> Option<Steady> {
+        let row = self.row.filter(|row| *row < geometry.height)?;
+        let high = self.high.value();
+        let (earliest, latest) = (high << TIME_BITS, high << TIME_BITS | u64::from(PAYLOAD));
+        let steady = Steady {
+            geometry,
+            time: self.time as u32,
+            row,
+            base: self.base,
+            repeated: word(TIME_HIGH, high as u16),
+        };
+        (self.clock == Clock::Set && sink.admits(earliest) && sink.admits(latest)).then_some(steady)
+    }
+
     fn time_low(&mut self, low: u16) {
         if matches!(self.clock, Clock::Set | Clock::LostLow) {
             self.clock = Clock::Set;

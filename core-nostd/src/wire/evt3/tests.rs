@@ -40,11 +40,16 @@ fn decode_in(decoder: &mut Decoder, bytes: &[u8], pieces: &[usize], room: usize,
     told
 }
 
+/// What every kernel tells of `bytes`.
 fn decode(geometry: Geometry, bytes: &[u8]) -> Told {
-    let mut decoder = Decoder::new(geometry);
-    let mut told = decode_in(&mut decoder, bytes, &[usize::MAX], 4096, 64);
-    decoder.finish();
-    told.counters = *decoder.counters();
+    let [told, others @ ..] = Kernel::ALL.map(|kernel| {
+        let mut decoder = Decoder::with_kernel(geometry, kernel);
+        let mut told = decode_in(&mut decoder, bytes, &[usize::MAX], 4096, 64);
+        decoder.finish();
+        told.counters = *decoder.counters();
+        told
+    });
+    others.iter().for_each(|other| assert_eq!(other, &told));
     told
 }
 
@@ -310,23 +315,40 @@ proptest! {
     fn what_is_encoded_is_decoded(events in any_events(), out_len in 1..40usize, piece in 1..40usize) {
         let bytes = encode(&events, out_len).unwrap();
         prop_assert_eq!(&bytes, &encode(&events, 1 << 16).unwrap());
-        let told = decode_in(&mut Decoder::new(FULL), &bytes, &[piece], 64, 1);
-        prop_assert_eq!(told.events, events);
-        prop_assert_eq!(told.counters.bytes_decoded, bytes.len() as u64);
-        prop_assert_eq!(told.counters.faults.total(), 0);
+        for kernel in Kernel::ALL {
+            let told = decode_in(&mut Decoder::with_kernel(FULL, kernel), &bytes, &[piece], 64, 1);
+            prop_assert_eq!(&told.events, &events);
+            prop_assert_eq!(told.counters.bytes_decoded, bytes.len() as u64);
+            prop_assert_eq!(told.counters.faults.total(), 0);
+        }
     }
 
     #[test]
-    fn splits_change_nothing(
-        bytes in any_bytes(), pieces in prop::collection::vec(1..50usize, 1..8), room in 64..200usize, triggers in 1..4usize,
+    fn kernels_and_splits_change_nothing(
+        bytes in any_bytes(),
+        pieces in prop::collection::vec(prop_oneof![1..50usize, 50..2000usize], 1..8),
+        room in prop_oneof![12..200usize, 200..3000usize],
+        triggers in 1..4usize,
+        gap in prop::option::of((any::<prop::sample::Index>(), prop::option::of(0..1u64 << 36))),
     ) {
-        let whole = decode_in(&mut Decoder::new(HD), &bytes, &[usize::MAX], 1 << 16, 1 << 12);
-        let parts = decode_in(&mut Decoder::new(HD), &bytes, &pieces, room, triggers);
-        prop_assert_eq!(whole, parts);
+        let run = |kernel, pieces: &[usize], room, triggers| {
+            let mut decoder = Decoder::with_kernel(HD, kernel);
+            let (before, after) = bytes.split_at(gap.map_or(0, |(at, _)| at.index(bytes.len() + 1)));
+            let first = decode_in(&mut decoder, before, pieces, room, triggers);
+            if let Some((_, near)) = gap {
+                decoder.gap(near);
+            }
+            [first, decode_in(&mut decoder, after, pieces, room, triggers)]
+        };
+        let plain = run(Kernel::Plain, &[usize::MAX], 1 << 16, 1 << 12);
+        for kernel in Kernel::ALL {
+            prop_assert_eq!(&run(kernel, &[usize::MAX], 1 << 16, 1 << 12), &plain);
+            prop_assert_eq!(&run(kernel, &pieces, room, triggers), &plain);
+        }
     }
 }
 
-/// Words of every kind, the known ones more often.
+/// Words of every kind in any order, and stretches as cameras make them.
 fn any_bytes() -> impl Strategy<Value = Vec<u8>> {
     let kind = prop_oneof![
         8 => prop::sample::select(vec![ADDR_Y, ADDR_X, VECT_BASE_X, VECT_12, VECT_8, TIME_LOW]),
@@ -334,7 +356,30 @@ fn any_bytes() -> impl Strategy<Value = Vec<u8>> {
         1 => 0..16u16,
     ];
     let payload = prop_oneof![3 => 0..0x1000u16, 1 => 0..8u16];
-    let words =
-        prop::collection::vec((kind, payload).prop_map(|(kind, payload)| word(kind, payload)), 0..400);
-    words.prop_map(|words| words.into_iter().flat_map(u16::to_le_bytes).collect())
+    let any_word = (kind, payload).prop_map(|(kind, payload)| vec![word(kind, payload)]);
+    let stretch = prop::collection::vec(prop_oneof![any_word, likely_words()], 0..400);
+    let likely = prop::collection::vec(likely_words(), 0..400);
+    let start = prop::sample::select(vec![vec![], vec![0x8001, 0x0000], vec![0x8FFF, 0x0000, 0x3000]]);
+    (start, prop_oneof![stretch, likely]).prop_map(|(start, words)| {
+        core::iter::once(start).chain(words).flatten().flat_map(u16::to_le_bytes).collect()
+    })
+}
+
+/// Words on the sensor, with vectors of few events or many.
+fn likely_words() -> impl Strategy<Value = Vec<u16>> {
+    let mask = || prop_oneof![Just(0u16), (0..12u32).prop_map(|i| 1 << i), 0..0x1000u16, Just(PAYLOAD)];
+    let x = (0..1280u16, any::<bool>()).prop_map(|(x, on)| u16::from(on) << POLARITY_SHIFT | x);
+    let vector = (x.clone(), mask(), mask(), mask()).prop_map(|(x, a, b, c)| {
+        vec![word(VECT_BASE_X, x), word(VECT_12, a), word(VECT_12, b), word(VECT_8, c)]
+    });
+    let lone_vector = (VECT_12..=VECT_8, mask()).prop_map(|(kind, mask)| vec![word(kind, mask)]);
+    prop_oneof![
+        20 => x.prop_map(|x| vec![word(ADDR_X, x)]),
+        8 => (0..720u16, any::<bool>()).prop_map(|(y, bit)| vec![word(ADDR_Y, u16::from(bit) << 11 | y)]),
+        3 => (0..0x1000u16).prop_map(|low| vec![word(TIME_LOW, low)]),
+        2 => vector,
+        1 => lone_vector,
+        1 => prop::sample::select(vec![word(OTHERS, 1), word(CONTINUED_4, 2), word(CONTINUED_12, 3), 0x8001, 0x8002])
+            .prop_map(|word| vec![word]),
+    ]
 }
