@@ -4,7 +4,9 @@
 #[macro_use]
 mod chunk_invariance;
 mod filter;
+mod representation;
 mod round_trip;
 mod streams;
 mod truth;
+mod window;
 mod wire;
