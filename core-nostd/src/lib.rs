@@ -22,6 +22,7 @@ mod stage;
 mod trigger;
 mod unwrap;
 
+pub mod ring;
 pub mod wire;
 
 pub mod time_map;
