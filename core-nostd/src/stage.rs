@@ -2,7 +2,7 @@
 //!
 //! The law for every implementer is chunk invariance: any split of the input gives the same output.
 
-use crate::{Block, Counters, Event, Geometry, Sink, Span, WrongGeometry};
+use crate::{Block, Counters, Event, Geometry, Sink, Span, Trigger, WrongGeometry};
 use bytemuck::Pod;
 
 /// Bytes of a camera in, events out. Infallible, resumable at any byte.
@@ -56,6 +56,11 @@ pub enum Refused {
         /// Row.
         y: u16,
     },
+    /// A trigger input beyond what the format's bits hold.
+    NoChannel {
+        /// Its number.
+        channel: u8,
+    },
 }
 
 impl core::fmt::Display for Refused {
@@ -72,6 +77,9 @@ impl core::fmt::Display for Refused {
             }
             Self::OffFormat { x, y } => {
                 write!(f, "pixel ({x}, {y}) is beyond the format's 2048x2048: crop first")
+            }
+            Self::NoChannel { channel } => {
+                write!(f, "trigger input {channel} is beyond the format's: leave it out")
             }
         }
     }
@@ -97,6 +105,10 @@ pub struct Encoded {
 pub trait Encode {
     /// Encodes `span` into `out`; call again with the events not taken. Zero progress with room left means refusal.
     fn encode(&mut self, span: Span<'_>, out: &mut [u8]) -> Encoded;
+
+    /// Encodes an edge of a trigger input after the events taken so far; its ordinal is not looked at. `events` is 1
+    /// once it is taken: until then, call again with it.
+    fn trigger(&mut self, trigger: Trigger, out: &mut [u8]) -> Encoded;
 
     /// Writes what is held back (a vector still open); returns the bytes written, 0 when all is out.
     fn finish(&mut self, out: &mut [u8]) -> usize;

@@ -23,6 +23,8 @@ const TIME_HIGH: u32 = 0x8;
 const EXT_TRIGGER: u32 = 0xA;
 const OTHERS: u32 = 0xE;
 const CONTINUED: u32 = 0xF;
+/// Largest number of a trigger input.
+const CHANNEL_MAX: u8 = 0x1F;
 /// Largest coordinate of 11 bits.
 const COORDINATE_MAX: u16 = 0x7FF;
 
@@ -240,13 +242,26 @@ impl Encoder {
         if x > COORDINATE_MAX || y > COORDINATE_MAX {
             return Err(Refused::OffFormat { x, y });
         }
+        let kind = event.is_on() as u32;
+        self.hold_at(t, kind << 28 | u32::from(x) << 11 | u32::from(y))
+    }
+
+    #[inline]
+    fn hold_trigger(&mut self, trigger: Trigger) -> Result<bool, Refused> {
+        let Trigger { t, channel, edge, .. } = trigger;
+        if channel > CHANNEL_MAX {
+            return Err(Refused::NoChannel { channel });
+        }
+        self.hold_at(t, EXT_TRIGGER << 28 | u32::from(channel) << 8 | edge as u32)
+    }
+
+    /// Holds `word`, with the time's low bits, or the TIME_HIGH it needs first; whether it was `word`.
+    #[inline]
+    fn hold_at(&mut self, t: u64, word: u32) -> Result<bool, Refused> {
         let time_high = self.clock.toward(t)?;
         let word = match time_high {
             Some(reading) => TIME_HIGH << 28 | reading as u32,
-            None => {
-                let low = t as u32 & 0x3F;
-                (event.is_on() as u32) << 28 | low << 22 | u32::from(x) << 11 | u32::from(y)
-            }
+            None => word | (t as u32 & 0x3F) << 22,
         };
         self.held.set(word.to_le_bytes());
         Ok(time_high.is_none())
@@ -274,6 +289,18 @@ impl Encode for Encoder {
                 }
             }
             done.events += 1;
+        }
+        self.held.write(out, &mut done.bytes);
+        done
+    }
+
+    fn trigger(&mut self, trigger: Trigger, out: &mut [u8]) -> Encoded {
+        let mut done = Encoded { events: 0, bytes: 0, refused: None };
+        while done.events == 0 && self.held.write(out, &mut done.bytes) {
+            match self.hold_trigger(trigger) {
+                Ok(taken) => done.events = taken.into(),
+                Err(refused) => return Encoded { refused: Some(refused), ..done },
+            }
         }
         self.held.write(out, &mut done.bytes);
         done

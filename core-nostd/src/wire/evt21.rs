@@ -28,6 +28,8 @@ const TIME_HIGH: u32 = 0x8;
 const EXT_TRIGGER: u32 = 0xA;
 const OTHERS: u32 = 0xE;
 const CONTINUED: u32 = 0xF;
+/// Largest number of a trigger input.
+const CHANNEL_MAX: u8 = 0x1F;
 /// Largest coordinate of 11 bits.
 const COORDINATE_MAX: u16 = 0x7FF;
 
@@ -294,26 +296,49 @@ impl Encoder {
             self.open = Some(joined);
             return Ok(true);
         }
+        let ready = self.ready(t)?;
+        if ready {
+            self.open = Some(Vector::new(t, event));
+        }
+        Ok(ready)
+    }
+
+    /// The same toward a trigger, which shares no word.
+    fn step_trigger(&mut self, trigger: Trigger) -> Result<bool, Refused> {
+        let Trigger { t, channel, edge, .. } = trigger;
+        if channel > CHANNEL_MAX {
+            return Err(Refused::NoChannel { channel });
+        }
+        let ready = self.ready(t)?;
+        if ready {
+            let low = t as u32 & 0x3F;
+            let head = EXT_TRIGGER << 28 | low << 22 | u32::from(channel) << 8 | edge as u32;
+            self.hold(Word { head, mask: 0 });
+        }
+        Ok(ready)
+    }
+
+    /// Whether a word of time `t` may come next; else the word that must come before it is held to be sent.
+    #[inline]
+    fn ready(&mut self, t: u64) -> Result<bool, Refused> {
         if self.close() {
             return Ok(false);
         }
-        match self.clock.toward(t)? {
-            Some(reading) => {
-                let word = Word { head: TIME_HIGH << 28 | reading as u32, mask: 0 };
-                self.held.set(word.to_bytes(self.order));
-                Ok(false)
-            }
-            None => {
-                self.open = Some(Vector::new(t, event));
-                Ok(true)
-            }
+        let time_high = self.clock.toward(t)?;
+        if let Some(reading) = time_high {
+            self.hold(Word { head: TIME_HIGH << 28 | reading as u32, mask: 0 });
         }
+        Ok(time_high.is_none())
+    }
+
+    fn hold(&mut self, word: Word) {
+        self.held.set(word.to_bytes(self.order));
     }
 
     /// Holds the open word to be sent; whether there was one.
     fn close(&mut self) -> bool {
         let Some(open) = self.open.take() else { return false };
-        self.held.set(open.word.to_bytes(self.order));
+        self.hold(open.word);
         true
     }
 }
@@ -333,6 +358,18 @@ impl Encode for Encoder {
                 }
             }
             done.events += 1;
+        }
+        self.held.write(out, &mut done.bytes);
+        done
+    }
+
+    fn trigger(&mut self, trigger: Trigger, out: &mut [u8]) -> Encoded {
+        let mut done = Encoded { events: 0, bytes: 0, refused: None };
+        while done.events == 0 && self.held.write(out, &mut done.bytes) {
+            match self.step_trigger(trigger) {
+                Ok(taken) => done.events = taken.into(),
+                Err(refused) => return Encoded { refused: Some(refused), ..done },
+            }
         }
         self.held.write(out, &mut done.bytes);
         done

@@ -47,6 +47,9 @@ const CONTINUED_12: u16 = 0xF;
 const COORDINATE: u16 = 0x7FF;
 /// Bit of the polarity in ADDR_X and VECT_BASE_X.
 const POLARITY_SHIFT: u32 = 11;
+/// Largest number of a trigger input, and where it stands in EXT_TRIGGER.
+const CHANNEL_MAX: u8 = 0xF;
+const CHANNEL_SHIFT: u32 = 8;
 /// Bits of a word beside its type.
 const PAYLOAD: u16 = 0xFFF;
 /// Bits of time in each of TIME_LOW and TIME_HIGH.
@@ -417,27 +420,14 @@ impl Encoder {
         Self::default()
     }
 
-    /// Encodes an edge of a trigger input after the events taken so far; its ordinal is not looked at, of its channel
-    /// the low four bits are kept. What does not fit into `out` comes with the next call: `events` is 1 once it is
-    /// taken.
-    pub fn trigger(&mut self, trigger: Trigger, out: &mut [u8]) -> Encoded {
-        let mut slots = out.iter_mut();
-        let refused = self.refuse_time(trigger.t);
-        let taken = refused.is_none() && self.flush(&mut slots);
-        if taken {
-            let payload = u16::from(trigger.channel) << 8 | trigger.edge as u16;
-            self.owed = Owed { t: trigger.t, ..Owed::default() };
-            self.owed.push(word(EXT_TRIGGER, payload));
-            self.t_last = Some(trigger.t);
-            self.drain(&mut slots);
-        }
-        let left = slots.len();
-        Encoded { events: taken.into(), bytes: out.len() - left, refused }
-    }
-
     fn refuse(&self, t: u64, event: Event) -> Option<Refused> {
         let (x, y) = (event.x(), event.y());
         if x > COORDINATE || y > COORDINATE { Some(Refused::OffFormat { x, y }) } else { self.refuse_time(t) }
+    }
+
+    fn refuse_trigger(&self, trigger: Trigger) -> Option<Refused> {
+        let Trigger { t, channel, .. } = trigger;
+        if channel > CHANNEL_MAX { Some(Refused::NoChannel { channel }) } else { self.refuse_time(t) }
     }
 
     fn refuse_time(&self, t: u64) -> Option<Refused> {
@@ -594,6 +584,21 @@ impl Encode for Encoder {
         }
         let left = slots.len();
         Encoded { events, bytes: out.len() - left, refused }
+    }
+
+    fn trigger(&mut self, trigger: Trigger, out: &mut [u8]) -> Encoded {
+        let mut slots = out.iter_mut();
+        let refused = self.refuse_trigger(trigger);
+        let taken = refused.is_none() && self.flush(&mut slots);
+        if taken {
+            let payload = u16::from(trigger.channel) << CHANNEL_SHIFT | trigger.edge as u16;
+            self.owed = Owed { t: trigger.t, ..Owed::default() };
+            self.owed.push(word(EXT_TRIGGER, payload));
+            self.t_last = Some(trigger.t);
+            self.drain(&mut slots);
+        }
+        let left = slots.len();
+        Encoded { events: taken.into(), bytes: out.len() - left, refused }
     }
 
     fn finish(&mut self, out: &mut [u8]) -> usize {

@@ -9,7 +9,7 @@ pub mod evt21;
 pub mod evt3;
 mod time_high;
 
-use crate::{Counters, Decode, Encode, Encoded, Geometry, Sink, Span};
+use crate::{Counters, Decode, Encode, Encoded, Geometry, Sink, Span, Trigger};
 pub use evt21::WordOrder;
 
 /// The registry: a line per format, `variant (its parameters) = module, { name: value }`. Calls `$with!` with it.
@@ -127,6 +127,10 @@ macro_rules! encodings {
         impl Encode for AnyEncoder {
             fn encode(&mut self, span: Span<'_>, out: &mut [u8]) -> Encoded {
                 match self { $(Self::$variant(encoder) => encoder.encode(span, out),)+ }
+            }
+
+            fn trigger(&mut self, trigger: Trigger, out: &mut [u8]) -> Encoded {
+                match self { $(Self::$variant(encoder) => encoder.trigger(trigger, out),)+ }
             }
 
             fn finish(&mut self, out: &mut [u8]) -> usize {

@@ -3,7 +3,7 @@
 use crate::chunk_invariance::{Splits, decode, encode, encode_whole};
 use crate::streams::{self, START_MAX_US, Timed};
 use lobula_core::wire::{AnyDecoder, AnyEncoder, Encoding};
-use lobula_core::{Geometry, Polarity, Refused};
+use lobula_core::{Decode, Encode, Event, Geometry, Polarity, Refused, Sink, Span, Trigger};
 use proptest::prelude::*;
 
 /// The largest sensor that the formats can tell.
@@ -146,5 +146,86 @@ fn what_no_format_holds_is_refused() {
             let fine = Timed::new(5, 1, 1, Polarity::Off);
             assert_eq!(round_trip(*encoding, &[event, fine]), (vec![fine], vec![reason]), "{encoding}");
         }
+    }
+}
+
+/// Largest number of a trigger input in the format.
+fn channel_max(encoding: Encoding) -> u8 {
+    match encoding {
+        Encoding::Evt2 | Encoding::Evt21(_) => 31,
+        Encoding::Evt3 => 15,
+    }
+}
+
+/// Encodes with an output of `room` bytes at a time: an event before each trigger and one after the last.
+fn encode_triggers(encoding: Encoding, triggers: &[Trigger], room: usize) -> Vec<u8> {
+    let mut encoder = AnyEncoder::new(encoding);
+    let (mut bytes, mut out) = (vec![], vec![0; room]);
+    let event = |t: u64| [Event::new(t as u32, 3, 4, Polarity::On)];
+    let mut put = |encoder: &mut AnyEncoder, t: u64, trigger: Option<Trigger>| loop {
+        let events = event(t);
+        let done = match trigger {
+            Some(trigger) => encoder.trigger(trigger, &mut out),
+            None => {
+                encoder.encode(Span { t_first: t, t_last: t, geometry: LARGEST, events: &events }, &mut out)
+            }
+        };
+        assert_eq!(done.refused, None);
+        bytes.extend(&out[..done.bytes]);
+        if done.events == 1 {
+            break;
+        }
+    };
+    for trigger in triggers {
+        put(&mut encoder, trigger.t, None);
+        put(&mut encoder, trigger.t, Some(*trigger));
+    }
+    put(&mut encoder, triggers.last().map_or(0, |last| last.t), None);
+    loop {
+        let n = encoder.finish(&mut out);
+        if n == 0 {
+            break bytes;
+        }
+        bytes.extend(&out[..n]);
+    }
+}
+
+#[test]
+fn triggers_come_back_at_their_place() {
+    for encoding in Encoding::ALL.iter().copied() {
+        let channels = 0..=channel_max(encoding);
+        let edges = [Polarity::On, Polarity::Off];
+        let kinds = channels.flat_map(|channel| edges.map(|edge| (channel, edge)));
+        let times = [0, 1, 63, 64, 4095, 4096, 1 << 24, 1 << 34, (1 << 40) + 5];
+        let triggers: Vec<_> = (1..)
+            .zip(kinds.zip(times.into_iter().chain(1 << 41..)))
+            .map(|(ordinal, ((channel, edge), t))| Trigger { t, ordinal, channel, edge })
+            .collect();
+        let bytes = encode_triggers(encoding, &triggers, 1000);
+        assert_eq!(encode_triggers(encoding, &triggers, 1), bytes, "{encoding}: by any size of output");
+
+        let (mut events, mut told) = (vec![], vec![]);
+        let (mut events_memory, mut triggers_memory) = ([Event::default(); 64], [Trigger::default(); 8]);
+        let mut decoder = AnyDecoder::new(encoding, LARGEST);
+        let mut rest = &bytes[..];
+        while !rest.is_empty() {
+            let mut sink = Sink::with_triggers(&mut events_memory, &mut triggers_memory);
+            rest = &rest[decoder.decode(rest, &mut sink)..];
+            told.extend_from_slice(sink.triggers());
+            events.extend_from_slice(sink.block(LARGEST).span().events);
+        }
+        assert_eq!((events.len(), told), (triggers.len() + 1, triggers), "{encoding}");
+    }
+}
+
+#[test]
+fn a_trigger_that_the_format_cannot_hold_is_refused() {
+    for encoding in Encoding::ALL.iter().copied() {
+        let mut encoder = AnyEncoder::new(encoding);
+        let channel = channel_max(encoding) + 1;
+        let mut refused = |trigger| encoder.trigger(trigger, &mut [0; 64]).refused;
+        assert_eq!(refused(Trigger { channel, ..Trigger::default() }), Some(Refused::NoChannel { channel }));
+        let t = START_MAX_US + 1;
+        assert_eq!(refused(Trigger { t, ..Trigger::default() }), Some(Refused::StartTooLate { t }));
     }
 }
