@@ -32,4 +32,4 @@ pub use info::{Summary, WithDigest};
 pub use limits::Limits;
 pub use open::{FORMATS, Format, OpenOptions, open, open_with};
 pub use raw::{Payload, RawWriter, Rebase, WriteOptions, Written};
-pub use recording::{Blocks, Chunk, Recording};
+pub use recording::{Blocks, Chunk, Part, Recording};

@@ -130,6 +130,17 @@ pub struct Chunk<'a> {
     pub block: Block<'a>,
     /// The triggers, in file order; [`ordinal`](Trigger::ordinal) tells where they stand among all events.
     pub triggers: &'a [Trigger],
+    /// How many events of the block come before each trigger.
+    places: &'a [usize],
+}
+
+/// What comes next in a recording.
+#[derive(Clone, Copy, Debug)]
+pub enum Part<'a> {
+    /// Events with no trigger between them.
+    Events(Span<'a>),
+    /// A trigger.
+    Trigger(Trigger),
 }
 
 /// What a slice keeps.
@@ -179,6 +190,7 @@ impl Blocks {
             }
             let event_first = self.event_next;
             self.event_next += self.memory.len as u64;
+            self.memory.place(event_first);
             self.memory.keep(&self.select, event_first);
             if !self.memory.is_empty() {
                 return Ok(Some(self.memory.chunk()));
@@ -211,6 +223,7 @@ pub(crate) struct Memory {
     geometry: Geometry,
     events: Box<[Event]>,
     triggers: Box<[Trigger]>,
+    places: Box<[usize]>,
     len: usize,
     triggers_len: usize,
     t_first: u64,
@@ -225,7 +238,8 @@ impl Memory {
     pub fn new(geometry: Geometry) -> Self {
         let events = vec![Event::default(); Self::EVENTS].into_boxed_slice();
         let triggers = vec![Trigger::default(); Self::TRIGGERS].into_boxed_slice();
-        Self { geometry, events, triggers, len: 0, triggers_len: 0, t_first: 0, t_last: 0 }
+        let places = vec![0; Self::TRIGGERS].into_boxed_slice();
+        Self { geometry, events, triggers, places, len: 0, triggers_len: 0, t_first: 0, t_last: 0 }
     }
 
     /// Decodes the next block. At an error, what was decoded before is here.
@@ -263,6 +277,14 @@ impl Memory {
         triggers.fold(events, |times, trigger| Times::join(times, Some(trigger)))
     }
 
+    /// Finds where the triggers stand; `event_first` is the number of the first event here.
+    fn place(&mut self, event_first: u64) {
+        let len = self.len as u64;
+        for (place, trigger) in self.places.iter_mut().zip(&self.triggers[..self.triggers_len]) {
+            *place = trigger.ordinal.saturating_sub(event_first).min(len) as usize;
+        }
+    }
+
     /// Keeps what a slice selects; `event_first` is the number of the first event here.
     fn keep(&mut self, select: &Select, event_first: u64) {
         match select {
@@ -273,11 +295,19 @@ impl Memory {
     }
 
     fn keep_time(&mut self, t: &Range<u64>) {
-        let mut kept = 0;
-        for i in 0..self.len {
-            let event = self.events[i];
-            self.events[kept] = event;
-            kept += usize::from(t.contains(&full_time(self.t_first, event.t())));
+        let (mut kept, mut done) = (0, 0);
+        for i in 0..=self.triggers_len {
+            // The events before this trigger, in the end those after the last.
+            let end = if i < self.triggers_len { self.places[i] } else { self.len };
+            for j in done..end {
+                let event = self.events[j];
+                self.events[kept] = event;
+                kept += usize::from(t.contains(&full_time(self.t_first, event.t())));
+            }
+            done = done.max(end);
+            if i < self.triggers_len {
+                self.places[i] = kept;
+            }
         }
         self.len = kept;
         self.keep_triggers(|trigger| t.contains(&trigger.t));
@@ -285,9 +315,13 @@ impl Memory {
 
     fn keep_numbers(&mut self, numbers: &Range<u64>, event_first: u64) {
         let here = |number: u64| number.saturating_sub(event_first).min(self.len as u64) as usize;
-        let (start, end) = (here(numbers.start), here(numbers.end));
-        self.events.copy_within(start..end.max(start), 0);
-        self.len = end.saturating_sub(start);
+        let start = here(numbers.start);
+        let end = here(numbers.end).max(start);
+        self.events.copy_within(start..end, 0);
+        self.len = end - start;
+        for place in &mut self.places[..self.triggers_len] {
+            *place = (*place).clamp(start, end) - start;
+        }
         self.keep_triggers(|trigger| numbers.contains(&trigger.ordinal));
     }
 
@@ -295,7 +329,7 @@ impl Memory {
         let mut kept = 0;
         for i in 0..self.triggers_len {
             let trigger = self.triggers[i];
-            self.triggers[kept] = trigger;
+            (self.triggers[kept], self.places[kept]) = (trigger, self.places[i]);
             kept += usize::from(keep(&trigger));
         }
         self.triggers_len = kept;
@@ -304,13 +338,28 @@ impl Memory {
     fn chunk(&mut self) -> Chunk<'_> {
         let events = &mut self.events[..self.len];
         let block = Block::new(self.t_first, self.t_last, self.geometry, events);
-        Chunk { block, triggers: &self.triggers[..self.triggers_len] }
+        let (triggers, places) = (&self.triggers[..self.triggers_len], &self.places[..self.triggers_len]);
+        Chunk { block, triggers, places }
     }
 }
 
-impl<'a> Chunk<'a> {
+impl Chunk<'_> {
     /// The events, to read.
     pub fn span(&self) -> Span<'_> {
         self.block.span()
+    }
+
+    /// Events and triggers in file order. To be taken before the block is filtered: triggers keep their place in it.
+    pub fn parts(&self) -> impl Iterator<Item = Part<'_>> {
+        let span = self.span();
+        let ends = self.places.iter().copied().chain([span.events.len()]);
+        let starts = [0].into_iter().chain(self.places.iter().copied());
+        let between =
+            starts.zip(ends).map(move |(start, end)| span.events.get(start..end).unwrap_or_default());
+        let triggers = self.triggers.iter().map(|trigger| Some(*trigger)).chain([None]);
+        between.zip(triggers).flat_map(move |(events, trigger)| {
+            let events = (!events.is_empty()).then(|| Part::Events(span.with_events(events)));
+            events.into_iter().chain(trigger.map(Part::Trigger))
+        })
     }
 }

@@ -2,9 +2,9 @@
 
 use super::GEOMETRY_MAX;
 use crate::output::Output;
-use crate::{Error, ErrorKind};
+use crate::{Chunk, Error, ErrorKind, Part};
 use lobula_core::wire::{AnyEncoder, Encoding, WordOrder};
-use lobula_core::{Encode, Event, Geometry, Refused, Span};
+use lobula_core::{Encode, Event, Geometry, Refused, Span, Trigger};
 use std::path::Path;
 
 /// What to do where the file should differ from the events given.
@@ -23,7 +23,7 @@ pub enum Rebase {
     /// Nothing: times stay.
     #[default]
     Off,
-    /// The time of the first event, which is written as 0.
+    /// The time of the first event or trigger, which is written as 0.
     First,
     /// This many µs.
     By(u64),
@@ -34,6 +34,8 @@ pub enum Rebase {
 pub struct Written {
     /// Events.
     pub events: u64,
+    /// Triggers.
+    pub triggers: u64,
     /// Bytes of the file.
     pub bytes: u64,
     /// What was subtracted from every time, in µs.
@@ -108,7 +110,8 @@ impl RawWriter {
     /// then not to be finished.
     pub fn write(&mut self, span: Span<'_>) -> Result<(), Error> {
         self.check_on_sensor(span)?;
-        let by = self.rebased_us(span);
+        let Some(first) = span.events.first() else { return Ok(()) };
+        let by = self.rebased_us(span.time(*first));
         if by == 0 {
             return self.encode(span);
         }
@@ -126,12 +129,42 @@ impl RawWriter {
         Ok(())
     }
 
-    /// What is subtracted from every time, settled by the first event.
-    fn rebased_us(&mut self, span: Span<'_>) -> u64 {
-        if let (0, Some(first)) = (self.written.events, span.events.first()) {
+    /// Adds an edge of a trigger input, after the events added so far.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write).
+    pub fn write_trigger(&mut self, trigger: Trigger) -> Result<(), Error> {
+        let by = self.rebased_us(trigger.t);
+        let t = trigger.t.checked_sub(by).ok_or_else(|| self.before_base(trigger.t, by))?;
+        loop {
+            let done = self.encoder.trigger(Trigger { t, ..trigger }, &mut self.code);
+            self.put(done.bytes)?;
+            self.written.triggers += done.events as u64;
+            match done.refused {
+                Some(refused) => return Err(self.refused(refused)),
+                None if done.events == 1 => return Ok(()),
+                None => {}
+            }
+        }
+    }
+
+    /// Adds the events of a chunk with the triggers among them.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write).
+    pub fn write_chunk(&mut self, chunk: &Chunk<'_>) -> Result<(), Error> {
+        chunk.parts().try_for_each(|part| match part {
+            Part::Events(span) => self.write(span),
+            Part::Trigger(trigger) => self.write_trigger(trigger),
+        })
+    }
+
+    /// What is subtracted from every time: settled by `t`, where that is the first.
+    fn rebased_us(&mut self, t: u64) -> u64 {
+        if self.written.events + self.written.triggers == 0 {
             self.written.rebased_us = match self.rebase {
                 Rebase::Off => 0,
-                Rebase::First => span.time(*first),
+                Rebase::First => t,
                 Rebase::By(by) => by,
             };
         }
@@ -196,16 +229,18 @@ impl RawWriter {
 
     fn refused(&self, refused: Refused) -> Error {
         let (what, remedy) = match refused {
-            Refused::StartTooLate { t } => (
-                format!("the first event at {t} µs is beyond the 2^40 µs of the format"),
-                "write it with --rebase",
-            ),
+            Refused::StartTooLate { t } => {
+                (format!("the start at {t} µs is beyond the 2^40 µs of the format"), "write it with --rebase")
+            }
             Refused::StepBack { from, to } => (
                 format!("time steps back from {from} to {to} µs, which would read as a wrap"),
                 "sort it first",
             ),
             Refused::OffFormat { x, y } => {
                 (format!("pixel ({x}, {y}) is beyond the format's {GEOMETRY_MAX}"), "crop the events first")
+            }
+            Refused::NoChannel { channel } => {
+                (format!("trigger input {channel} is beyond the format's"), "choose another encoding")
             }
         };
         let what = format!("cannot be written after event {}: {what}", self.written.events);

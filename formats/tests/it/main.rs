@@ -7,20 +7,35 @@ mod slices;
 mod truth;
 
 use lobula_core::{Event, Trigger};
-use lobula_formats::{Blocks, Recording};
+use lobula_formats::{Blocks, Part, Recording};
 
-/// Every event with its full time, and every trigger, of blocks to their end.
-fn everything(mut blocks: Blocks) -> (Vec<(u64, Event)>, Vec<Trigger>) {
-    let (mut events, mut triggers) = (Vec::new(), Vec::new());
+/// What blocks gave until their end.
+#[derive(Default)]
+struct All {
+    /// With their full times.
+    events: Vec<(u64, Event)>,
+    triggers: Vec<Trigger>,
+    /// How many of the events came before each trigger.
+    places: Vec<usize>,
+}
+
+fn everything(mut blocks: Blocks) -> All {
+    let mut all = All::default();
     while let Some(chunk) = blocks.next_block().unwrap() {
-        let span = chunk.span();
-        assert!(!span.events.is_empty() || !chunk.triggers.is_empty(), "an empty chunk says nothing");
-        events.extend(span.events.iter().map(|event| (span.time(*event), *event)));
-        triggers.extend(chunk.triggers);
+        assert!(chunk.parts().next().is_some(), "an empty chunk says nothing");
+        for part in chunk.parts() {
+            match part {
+                Part::Events(span) => {
+                    all.events.extend(span.events.iter().map(|event| (span.time(*event), *event)))
+                }
+                Part::Trigger(_) => all.places.push(all.events.len()),
+            }
+        }
+        all.triggers.extend(chunk.triggers);
     }
-    (events, triggers)
+    all
 }
 
 fn events_of(recording: &Recording) -> Vec<(u64, Event)> {
-    everything(recording.blocks()).0
+    everything(recording.blocks()).events
 }

@@ -15,7 +15,7 @@ fn copy(from: &Recording, to: &Path, encoding: Encoding, options: &WriteOptions)
     let mut writer = RawWriter::create(to, encoding, from.sensor_size()?, options)?;
     let mut blocks = from.blocks();
     while let Some(chunk) = blocks.next_block()? {
-        writer.write(chunk.span())?;
+        writer.write_chunk(&chunk)?;
     }
     writer.finish()
 }
@@ -48,10 +48,11 @@ fn names(folder: &Path) -> Vec<String> {
 #[test]
 fn every_sample_in_every_encoding() {
     let folder = tempfile::tempdir().unwrap();
-    for file in ["evt2_gen3_640x480.raw", "evt21_le_1280x720.raw", "evt3_gen41_1280x720.raw"] {
+    for file in ["evt2_gen3_640x480.raw", "evt3_gen41_1280x720.raw", "evt3_trigger_1280x720.raw"] {
         let Some(path) = data(file) else { return };
         let from = open(path).unwrap();
         let expected = Summary::of(&from, WithDigest::Yes).unwrap();
+        let triggers = everything(from.blocks()).triggers;
         for encoding in Encoding::ALL.iter().copied() {
             let path = folder.path().join(format!("{encoding}-{file}"));
             let written = copy(&from, &path, encoding, &WriteOptions::default()).unwrap();
@@ -60,6 +61,8 @@ fn every_sample_in_every_encoding() {
             assert_eq!(summary.sha256, expected.sha256, "{encoding} {file}");
             assert_eq!((to.encoding(), to.geometry()), (Some(encoding), from.geometry()));
             assert_eq!((written.events, written.bytes), (summary.events, summary.bytes));
+            assert_eq!(everything(to.blocks()).triggers, triggers, "{encoding} {file}");
+            assert_eq!(written.triggers, triggers.len() as u64);
             assert_eq!(summary.bytes_faulty, 0);
         }
     }
@@ -166,8 +169,8 @@ fn no_events_make_a_file_that_opens() {
         options.overwrite = true;
         write_at(&path, encoding, &[], &options).unwrap();
         let recording = open(&path).unwrap();
-        let (events, triggers) = everything(recording.slice_time(0..u64::MAX).unwrap());
-        assert!(events.is_empty() && triggers.is_empty());
+        let slice = everything(recording.slice_time(0..u64::MAX).unwrap());
+        assert!(slice.events.is_empty() && slice.triggers.is_empty());
         assert_eq!(recording.index().unwrap().times(), None);
     }
 }

@@ -1,6 +1,6 @@
 //! Slices by time and by number are what a full pass would keep.
 
-use super::{events_of, everything};
+use super::{All, events_of, everything};
 use lobula_core::wire::{Encoding, WordOrder};
 use lobula_core::{Event, Geometry, Polarity, Span, Trigger};
 use lobula_formats::{Limits, OpenOptions, RawWriter, Recording, WriteOptions, open, open_with};
@@ -10,39 +10,52 @@ use std::ops::Range;
 use std::path::Path;
 
 /// A full pass, to compare slices with.
-struct Whole {
-    events: Vec<(u64, Event)>,
-    triggers: Vec<Trigger>,
-}
+struct Whole(All);
 
 impl Whole {
     fn of(recording: &Recording) -> Self {
-        let (events, triggers) = everything(recording.blocks());
-        Self { events, triggers }
+        Self(everything(recording.blocks()))
     }
 
     fn check_time(&self, recording: &Recording, t: Range<u64>) {
-        let (events, triggers) = everything(recording.slice_time(t.clone()).unwrap());
-        let expected: Vec<_> = self.events.iter().filter(|(time, _)| t.contains(time)).copied().collect();
-        assert!(events == expected, "{t:?}: {} events, not {}", events.len(), expected.len());
-        let expected: Vec<_> = self.triggers.iter().filter(|one| t.contains(&one.t)).copied().collect();
-        assert_eq!(triggers, expected, "{t:?}");
+        let slice = everything(recording.slice_time(t.clone()).unwrap());
+        self.check(
+            &slice,
+            |_, time| t.contains(&time),
+            |trigger| t.contains(&trigger.t),
+            &format!("{t:?} µs"),
+        );
     }
 
     fn check_numbers(&self, recording: &Recording, numbers: Range<u64>) {
-        let (events, triggers) = everything(recording.slice_events(numbers.clone()).unwrap());
-        let end = numbers.end.min(self.events.len() as u64) as usize;
-        let expected = &self.events[(numbers.start as usize).min(end)..end];
-        assert!(events == expected, "{numbers:?}: {} events, not {}", events.len(), expected.len());
-        let inside = |one: &&Trigger| numbers.contains(&one.ordinal);
-        let expected: Vec<_> = self.triggers.iter().filter(inside).copied().collect();
-        assert_eq!(triggers, expected, "{numbers:?}");
+        let slice = everything(recording.slice_events(numbers.clone()).unwrap());
+        let inside = |trigger: &Trigger| numbers.contains(&trigger.ordinal);
+        self.check(&slice, |i, _| numbers.contains(&i), inside, &format!("events {numbers:?}"));
+    }
+
+    /// Naive: the events and triggers to be kept, and the kept events before each of these.
+    #[track_caller]
+    fn check(
+        &self,
+        slice: &All,
+        keep: impl Fn(u64, u64) -> bool,
+        keep_trigger: impl Fn(&Trigger) -> bool,
+        name: &str,
+    ) {
+        let numbered = (0u64..).zip(&self.0.events);
+        let kept: Vec<_> = numbered.filter(|(i, (t, _))| keep(*i, *t)).collect();
+        let events: Vec<_> = kept.iter().map(|(_, event)| **event).collect();
+        assert!(slice.events == events, "{name}: {} events, not {}", slice.events.len(), events.len());
+        let triggers: Vec<_> = self.0.triggers.iter().filter(|one| keep_trigger(one)).copied().collect();
+        assert_eq!(slice.triggers, triggers, "{name}");
+        let before = |one: &Trigger| kept.iter().filter(|(i, _)| *i < one.ordinal).count();
+        assert_eq!(slice.places, triggers.iter().map(before).collect::<Vec<_>>(), "{name}");
     }
 
     /// Ranges around everything, and at random.
     fn check_many(&self, recording: &Recording, draws: u64) {
-        let events = self.events.len() as u64;
-        let times = self.events.iter().map(|(t, _)| *t);
+        let events = self.0.events.len() as u64;
+        let times = self.0.events.iter().map(|(t, _)| *t);
         let (low, high) = (times.clone().min().unwrap_or(0), times.max().unwrap_or(0));
         let mut draw = Draw(0x9E37_79B9_7F4A_7C15);
         for t in [0..u64::MAX, 0..low, low..high, high..high + 1, high + 1..u64::MAX, low..low] {
@@ -84,7 +97,7 @@ fn of_real_recordings() {
         let recording = open(&path).unwrap();
         let whole = Whole::of(&recording);
         whole.check_many(&recording, 20);
-        assert_eq!(recording.index().unwrap().events(), whole.events.len() as u64);
+        assert_eq!(recording.index().unwrap().events(), whole.0.events.len() as u64);
     }
 }
 

@@ -1,5 +1,6 @@
 //! Real recordings give what other programs found in them (data/truth.json).
 
+use lobula_core::Polarity;
 use lobula_formats::{Summary, WithDigest, open};
 use lobula_tests::data;
 use serde_json::Value;
@@ -39,13 +40,24 @@ fn every_byte_is_in_one_count() {
     }
 }
 
-/// The channels and edges of this file, as its own test data says: 8 rising and falling edges or more.
+/// Naive: every 16-bit word of type 0xA, its channel and edge.
+fn trigger_words(payload: &[u8]) -> Vec<(u8, bool)> {
+    let words = payload.as_chunks().0.iter().map(|word| u16::from_le_bytes(*word));
+    words.filter(|word| word >> 12 == 0xA).map(|word| ((word >> 8 & 0xF) as u8, word & 1 == 1)).collect()
+}
+
 #[test]
 fn triggers_come_in_order_with_their_place() {
     let Some(path) = data("evt3_trigger_1280x720.raw") else { return };
-    let (events, triggers) = super::everything(open(path).unwrap().blocks());
-    assert!(!triggers.is_empty());
-    assert!(triggers.is_sorted_by_key(|trigger| trigger.ordinal));
+    let bytes = std::fs::read(&path).unwrap();
+    let recording = open(path).unwrap();
+    let payload = &bytes[recording.payload().unwrap().range().start as usize..];
+    let super::All { events, triggers, places } = super::everything(recording.blocks());
+    let told: Vec<_> = triggers.iter().map(|one| (one.channel, one.edge == Polarity::On)).collect();
+    assert!(!told.is_empty());
+    assert_eq!(told, trigger_words(payload));
+    assert!(places.is_sorted());
+    assert!(triggers.iter().zip(&places).all(|(trigger, place)| trigger.ordinal == *place as u64));
     for trigger in &triggers {
         let before = events[trigger.ordinal as usize - 1].0;
         assert!(before <= trigger.t, "{trigger:?} after the event of {before} µs");
