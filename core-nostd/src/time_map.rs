@@ -47,6 +47,12 @@ pub trait Stamp: Copy + Pod + Default + PartialEq + core::fmt::Debug + sealed::S
 
     /// Ticks since `then`; negative where time stepped back.
     fn age(self, then: Self) -> i32;
+
+    /// One of its bits, for stages that use words as sets of flags; `place` is below [`BITS`](Self::BITS).
+    fn bit(self, place: u32) -> bool;
+
+    /// The same word with one bit set to `bit`.
+    fn with_bit(self, place: u32, bit: bool) -> Self;
 }
 
 impl Stamp for u32 {
@@ -66,6 +72,16 @@ impl Stamp for u32 {
     #[inline]
     fn age(self, then: Self) -> i32 {
         self.wrapping_sub(then) as i32
+    }
+
+    #[inline]
+    fn bit(self, place: u32) -> bool {
+        self.wrapping_shr(place) & 1 == 1
+    }
+
+    #[inline]
+    fn with_bit(self, place: u32, bit: bool) -> Self {
+        (self & !Self::wrapping_shl(1, place)) | Self::wrapping_shl(bit as Self, place)
     }
 }
 
@@ -87,6 +103,16 @@ impl Stamp for u16 {
     #[inline]
     fn age(self, then: Self) -> i32 {
         self.wrapping_sub(then) as i16 as i32
+    }
+
+    #[inline]
+    fn bit(self, place: u32) -> bool {
+        self.wrapping_shr(place) & 1 == 1
+    }
+
+    #[inline]
+    fn with_bit(self, place: u32, bit: bool) -> Self {
+        (self & !Self::wrapping_shl(1, place)) | Self::wrapping_shl(bit as Self, place)
     }
 }
 
@@ -367,9 +393,13 @@ impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> TimeMap<T, S> {
         Clock { origin_us: (origin << self.shift) as u32, origin: T::of(origin), shift: self.shift as u32 }
     }
 
-    fn pixels(&mut self) -> Pixels<'_, T> {
+    /// The pixels, to read and write: the stamps of [`open`](Self::open)'s events only.
+    #[inline]
+    pub(crate) fn pixels(&mut self) -> Pixels<'_, T> {
         let stride = stride(self.geometry);
-        Pixels::new(Cell::from_mut(self.entries()).as_slice_of_cells(), stride)
+        let words = Cell::from_mut(self.stamps.as_mut()).as_slice_of_cells();
+        let (entries, spare) = words.split_at_checked(Self::required_len(self.geometry)).unwrap_or_default();
+        Pixels::new(entries, spare, stride)
     }
 }
 
@@ -384,46 +414,38 @@ fn cell_of<T: Stamp>(ticks: u64) -> u64 {
 pub struct Pixels<'a, T: Stamp> {
     stride: usize,
     views: [&'a [Cell<T>]; 9],
+    spare: &'a [Cell<T>],
 }
 
 impl<'a, T: Stamp> Pixels<'a, T> {
     #[inline]
-    fn new(entries: &'a [Cell<T>], stride: usize) -> Self {
+    fn new(entries: &'a [Cell<T>], spare: &'a [Cell<T>], stride: usize) -> Self {
         let len = entries.len().saturating_sub(2 * stride + 2);
         let view = |row: usize, column: usize| {
             let start = row * stride + column;
             entries.get(start..start + len).unwrap_or_default()
         };
-        let views = [
-            view(0, 0),
-            view(0, 1),
-            view(0, 2),
-            view(1, 0),
-            view(1, 1),
-            view(1, 2),
-            view(2, 0),
-            view(2, 1),
-            view(2, 2),
-        ];
-        Self { stride, views }
+        let views = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 0), (2, 1), (2, 2)];
+        Self { stride, views: views.map(|(row, column)| view(row, column)), spare }
     }
 
+    /// Where the pixel is; beyond all for a row off the sensor.
     #[inline]
-    fn index(&self, event: Event) -> usize {
-        event.y() as usize * self.stride + event.x() as usize
+    pub fn index(&self, x: u16, y: u16) -> usize {
+        y as usize * self.stride + x as usize
     }
 
-    /// The entry of the event's pixel; `None` off the sensor.
+    /// The entry of a pixel.
     #[inline]
-    pub fn centre(&self, event: Event) -> Option<&'a Cell<T>> {
-        self.views[4].get(self.index(event))
+    pub fn centre(&self, index: usize) -> Option<&'a Cell<T>> {
+        self.views[4].get(index)
     }
 
-    /// The entries of the event's pixel and its eight neighbours, row by row; `None` off the sensor.
+    /// The entries of a pixel and its eight neighbours, row by row.
     #[inline]
-    pub fn neighbourhood(&self, event: Event) -> Option<[&'a Cell<T>; 9]> {
-        let i = self.index(event);
+    pub fn neighbourhood(&self, index: usize) -> Option<[&'a Cell<T>; 9]> {
         let [a, b, c, d, e, f, g, h, k] = self.views;
+        let i = index;
         Some([
             a.get(i)?,
             b.get(i)?,
@@ -435,5 +457,11 @@ impl<'a, T: Stamp> Pixels<'a, T> {
             h.get(i)?,
             k.get(i)?,
         ])
+    }
+
+    /// The memory behind the map, for what else a stage keeps.
+    #[inline]
+    pub fn spare(&self) -> &'a [Cell<T>] {
+        self.spare
     }
 }

@@ -18,10 +18,14 @@ pub enum FilterSpec {
     Polarity(PolarityParams),
     /// [`RegionOfInterest`].
     RegionOfInterest(RegionParams),
+    /// [`HotPixelFilter`].
+    HotPixel(HotPixelSpec),
     /// [`Refractory`].
     Refractory(RefractoryParams),
     /// [`BackgroundActivity`].
     BackgroundActivity(BackgroundActivityParams),
+    /// [`Denoise`].
+    Denoise(DenoiseSpec),
 }
 
 impl FilterSpec {
@@ -30,50 +34,53 @@ impl FilterSpec {
         match self {
             Self::Polarity(_) => "polarity",
             Self::RegionOfInterest(_) => "region_of_interest",
+            Self::HotPixel(_) => "hot_pixel",
             Self::Refractory(_) => "refractory",
             Self::BackgroundActivity(_) => "background_activity",
+            Self::Denoise(_) => "denoise",
         }
     }
 }
 
 macro_rules! any_filter {
-    (
-        stateless { $($plain:ident: $plain_type:ty, $plain_params:ty;)* }
-        stateful { $($variant:ident $module:ident: $type:ty, $params:ty, $word:ty;)* }
-    ) => {
+    ($($variant:ident $module:ident: $type:ty, $params:ty, $word:ty, $len:expr, $make:expr;)*) => {
         $(mod $module {
             use super::*;
-            pub type S = Box<[$word]>;
-            pub type Of = $type;
+            #[allow(dead_code, reason = "a filter that remembers nothing has no storage")]
+            type S = Box<[$word]>;
+            pub(super) type Of = $type;
+
+            pub(super) fn make(geometry: Geometry, params: $params) -> Result<AnyFilter, ChainCause> {
+                let len: fn(Geometry) -> usize = $len;
+                let make: fn(Geometry, $params, S) -> Result<Of, FilterError> = $make;
+                Ok(AnyFilter::$variant(make(geometry, params, memory(len(geometry))?)?))
+            }
         })*
 
         /// Any filter of the [registry](crate::filters), on the heap.
         #[derive(Clone, Debug)]
         #[non_exhaustive]
         #[allow(missing_docs, reason = "each is named by its type")]
+        #[allow(private_interfaces, reason = "the names of types of the registry")]
         pub enum AnyFilter {
-            $($plain($plain_type),)*
             $($variant($module::Of),)*
         }
 
         impl Filter for AnyFilter {
             fn advance(&mut self, now: u64) {
                 match self {
-                    $(Self::$plain(filter) => filter.advance(now),)*
                     $(Self::$variant(filter) => filter.advance(now),)*
                 }
             }
 
             fn keep(&mut self, event: Event) -> bool {
                 match self {
-                    $(Self::$plain(filter) => filter.keep(event),)*
                     $(Self::$variant(filter) => filter.keep(event),)*
                 }
             }
 
             fn retain(&mut self, block: &mut Block<'_>) -> Result<usize, WrongGeometry> {
                 match self {
-                    $(Self::$plain(filter) => filter.retain(block),)*
                     $(Self::$variant(filter) => filter.retain(block),)*
                 }
             }
@@ -86,34 +93,83 @@ crate::filters!(any_filter);
 impl AnyFilter {
     /// The filter that `spec` describes, for events of this sensor.
     pub fn try_new(spec: &FilterSpec, geometry: Geometry) -> Result<Self, ChainCause> {
-        match *spec {
-            FilterSpec::Polarity(params) => Ok(Self::Polarity(PolarityFilter::try_new(geometry, params)?)),
-            FilterSpec::RegionOfInterest(params) => {
-                Ok(Self::RegionOfInterest(RegionOfInterest::try_new(geometry, params)?))
+        match spec {
+            FilterSpec::Polarity(params) => polarity::make(geometry, *params),
+            FilterSpec::RegionOfInterest(params) => region_of_interest::make(geometry, *params),
+            FilterSpec::HotPixel(spec) => hot_pixel::make(geometry, ())?.masking(&spec.pixels, geometry),
+            FilterSpec::Refractory(params) if params.shift == 0 => refractory_u32::make(geometry, *params),
+            FilterSpec::Refractory(params) => refractory_u16::make(geometry, *params),
+            FilterSpec::BackgroundActivity(params) if params.shift == 0 => {
+                background_activity_u32::make(geometry, *params)
             }
-            FilterSpec::Refractory(params) => {
-                let len = Refractory::<(), ()>::required_len(geometry);
-                Ok(match params.shift {
-                    0 => Self::RefractoryU32(Refractory::try_new(geometry, params, memory(len)?)?),
-                    _ => Self::RefractoryU16(Refractory::try_new(geometry, params, memory(len)?)?),
-                })
-            }
-            FilterSpec::BackgroundActivity(params) => {
-                let len = BackgroundActivity::<(), ()>::required_len(geometry);
-                Ok(match params.shift {
-                    0 => Self::BackgroundActivityU32(BackgroundActivity::try_new(
-                        geometry,
-                        params,
-                        memory(len)?,
-                    )?),
-                    _ => Self::BackgroundActivityU16(BackgroundActivity::try_new(
-                        geometry,
-                        params,
-                        memory(len)?,
-                    )?),
-                })
+            FilterSpec::BackgroundActivity(params) => background_activity_u16::make(geometry, *params),
+            FilterSpec::Denoise(spec) => {
+                let make = if spec.shift == 0 { denoise_u32::make } else { denoise_u16::make };
+                make(geometry, spec.params())?.masking(&spec.hot_pixels, geometry)
             }
         }
+    }
+}
+
+impl AnyFilter {
+    /// The same with these pixels hot. One off the sensor is an error: the list is of another sensor.
+    fn masking(mut self, pixels: &[(u16, u16)], geometry: Geometry) -> Result<Self, ChainCause> {
+        let mut mask = |x, y| match &mut self {
+            Self::HotPixel(filter) => filter.mask(x, y),
+            Self::DenoiseU32(filter) => filter.mask(x, y),
+            Self::DenoiseU16(filter) => filter.mask(x, y),
+            _ => false,
+        };
+        match pixels.iter().find(|(x, y)| !mask(*x, *y)) {
+            Some(&(x, y)) => Err(ChainCause::PixelOffSensor { x, y, geometry }),
+            None => Ok(self),
+        }
+    }
+}
+
+/// Settings of a [`HotPixelFilter`].
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HotPixelSpec {
+    /// The hot pixels, each `[x, y]`.
+    pub pixels: Vec<(u16, u16)>,
+}
+
+/// Settings of a [`Denoise`] stage: its [`DenoiseParams`] and its hot pixels. Every key has a default.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DenoiseSpec {
+    /// [`DenoiseParams::refractory_us`].
+    pub refractory_us: u32,
+    /// [`DenoiseParams::support_us`].
+    pub support_us: u32,
+    /// [`DenoiseParams::support`].
+    pub support: u8,
+    /// [`DenoiseParams::trail_us`].
+    pub trail_us: u32,
+    /// [`DenoiseParams::shift`].
+    pub shift: u8,
+    /// The hot pixels, each `[x, y]`; by default none.
+    pub hot_pixels: Vec<(u16, u16)>,
+}
+
+impl Default for DenoiseSpec {
+    fn default() -> Self {
+        DenoiseParams::default().into()
+    }
+}
+
+impl From<DenoiseParams> for DenoiseSpec {
+    fn from(params: DenoiseParams) -> Self {
+        let DenoiseParams { refractory_us, support_us, support, trail_us, shift } = params;
+        Self { refractory_us, support_us, support, trail_us, shift, hot_pixels: Vec::new() }
+    }
+}
+
+impl DenoiseSpec {
+    fn params(&self) -> DenoiseParams {
+        let Self { refractory_us, support_us, support, trail_us, shift, .. } = *self;
+        DenoiseParams { refractory_us, support_us, support, trail_us, shift }
     }
 }
 

@@ -5,10 +5,10 @@
 mod filter;
 mod view;
 
-pub use filter::{AnyFilter, FilterSpec};
+pub use filter::{AnyFilter, DenoiseSpec, FilterSpec, HotPixelSpec};
 pub use view::{BadView, Canvas, Line, Offline, PushError, View, ViewSpec};
 
-use crate::filter::{BackgroundActivityParams, FilterError, Neighbours, RefractoryParams, Refresh};
+use crate::filter::{DenoiseParams, FilterError};
 use crate::{Block, Event, Filter, Geometry, WrongGeometry};
 use alloc::vec::Vec;
 
@@ -33,13 +33,11 @@ pub struct Spec {
 }
 
 impl Spec {
-    /// What the daemon filters with unless told otherwise: a refractory period of 200 µs, then background activity
-    /// within 5 ms, in maps of 16 bits.
+    /// What the daemon filters with unless told otherwise: [`Denoise`](crate::filter::Denoise) with its defaults, in
+    /// a map of 16 bits.
     pub fn standard() -> Self {
-        let refractory = RefractoryParams { dt_us: 200, refresh: Refresh::Kept, shift: 3 };
-        let background = BackgroundActivityParams { dt_us: 5000, neighbours: Neighbours::Eight, shift: 3 };
-        let filters = [FilterSpec::Refractory(refractory), FilterSpec::BackgroundActivity(background)];
-        Self { filters: filters.to_vec() }
+        let params = DenoiseParams { shift: 3, ..DenoiseParams::default() };
+        Self { filters: [FilterSpec::Denoise(params.into())].into() }
     }
 }
 
@@ -64,6 +62,15 @@ pub enum ChainCause {
         /// Bytes it needs.
         bytes: usize,
     },
+    /// A hot pixel is not on the sensor.
+    PixelOffSensor {
+        /// Its column.
+        x: u16,
+        /// Its row.
+        y: u16,
+        /// The sensor's size.
+        geometry: Geometry,
+    },
 }
 
 impl core::fmt::Display for ChainError {
@@ -72,6 +79,12 @@ impl core::fmt::Display for ChainError {
         match self.cause {
             ChainCause::Filter(error) => error.fmt(f),
             ChainCause::OutOfMemory { bytes } => write!(f, "no memory for its map of {bytes} bytes"),
+            ChainCause::PixelOffSensor { x, y, geometry } => {
+                write!(
+                    f,
+                    "hot pixel ({x}, {y}) is not on the {geometry} sensor: learn the pixels of this camera"
+                )
+            }
         }
     }
 }
@@ -172,6 +185,39 @@ mod tests {
         ] {
             assert!(serde_json::from_str::<Spec>(wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn settings_survive_a_round_trip() {
+        let text = r#"[
+            { "kind": "polarity", "keep": "off" },
+            { "kind": "region_of_interest", "x": 1, "y": 2, "width": 3, "height": 4 },
+            { "kind": "hot_pixel", "pixels": [[1, 2], [3, 4]] },
+            { "kind": "refractory", "dt_us": 100, "refresh": "all", "shift": 2 },
+            { "kind": "background_activity", "dt_us": 100, "neighbours": "four" },
+            { "kind": "denoise", "support": 3, "hot_pixels": [[5, 6]] }
+        ]"#;
+        let spec: Spec = serde_json::from_str(text).unwrap();
+        let again = serde_json::from_str(&serde_json::to_string(&spec).unwrap()).unwrap();
+        assert_eq!(spec, again);
+        let chain = Chain::try_new(&spec, Geometry::new(8, 8)).unwrap();
+        let kinds: Vec<&str> = chain.counts().map(|(kind, _)| kind).collect();
+        let expected =
+            ["polarity", "region_of_interest", "hot_pixel", "refractory", "background_activity", "denoise"];
+        assert_eq!(kinds, expected);
+        assert!(Chain::try_new(&Spec::standard(), Geometry::new(1280, 720)).is_ok());
+    }
+
+    #[test]
+    fn refuses_hot_pixels_of_another_sensor() {
+        let spec: Spec =
+            serde_json::from_str(r#"[{ "kind": "hot_pixel", "pixels": [[7, 0], [8, 0]] }]"#).unwrap();
+        let geometry = Geometry::new(8, 8);
+        let cause = ChainCause::PixelOffSensor { x: 8, y: 0, geometry };
+        assert_eq!(
+            Chain::try_new(&spec, geometry).unwrap_err(),
+            ChainError { stage: 0, kind: "hot_pixel", cause }
+        );
     }
 
     #[test]

@@ -71,7 +71,8 @@ fn supported<T: Stamp>(
     dt: i32,
     neighbours: Neighbours,
 ) -> bool {
-    let Some([nw, n, ne, w, pixel, e, sw, s, se]) = pixels.neighbourhood(event) else { return false };
+    let index = pixels.index(event.x(), event.y());
+    let Some([nw, n, ne, w, pixel, e, sw, s, se]) = pixels.neighbourhood(index) else { return false };
     let recent = |cell: &core::cell::Cell<T>| now.age(cell.get()) <= dt;
     let cross = recent(n) | recent(w) | recent(e) | recent(s);
     let keep = match neighbours {

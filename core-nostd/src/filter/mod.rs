@@ -6,12 +6,18 @@
 
 mod background_activity;
 mod compact;
+mod denoise;
+mod hot_pixel;
+mod mask;
 mod polarity;
 mod refractory;
 mod roi;
 
 pub use background_activity::{BackgroundActivity, BackgroundActivityParams};
 pub(crate) use compact::compact;
+pub use denoise::{Denoise, DenoiseParams};
+pub use hot_pixel::{HotPixelFilter, HotPixelLearner};
+pub use mask::PixelMask;
 pub use polarity::{PolarityFilter, PolarityParams};
 pub use refractory::{Refractory, RefractoryParams};
 pub use roi::{RegionOfInterest, RegionParams};
@@ -19,27 +25,37 @@ pub use roi::{RegionOfInterest, RegionParams};
 /// The registry: every filter. Calls `$then!` with the list, from which the host's
 /// [`AnyFilter`](crate::chain::AnyFilter) and the exports of the no-panic proof are made.
 ///
-/// Each line: name, type, parameters; those with memory also a module's name and the word of the memory, and in
-/// their type `S` stands for the storage. All have `try_new(geometry, params[, memory])`, those with memory also
-/// `required_len(geometry)`.
+/// Each line: name, name of a module, type (where `S` stands for its storage), parameters, word of its memory, words
+/// needed as a function of the [`Geometry`](crate::Geometry), and how to make it of geometry, parameters and memory
+/// (a `Result` with [`FilterError`](crate::filter::FilterError)).
 #[macro_export]
 macro_rules! filters {
     ($then:ident) => {
         $then! {
-            stateless {
-                Polarity: $crate::filter::PolarityFilter, $crate::filter::PolarityParams;
-                RegionOfInterest: $crate::filter::RegionOfInterest, $crate::filter::RegionParams;
-            }
-            stateful {
-                RefractoryU32 refractory_u32:
-                    $crate::filter::Refractory<u32, S>, $crate::filter::RefractoryParams, u32;
-                RefractoryU16 refractory_u16:
-                    $crate::filter::Refractory<u16, S>, $crate::filter::RefractoryParams, u16;
-                BackgroundActivityU32 background_activity_u32:
-                    $crate::filter::BackgroundActivity<u32, S>, $crate::filter::BackgroundActivityParams, u32;
-                BackgroundActivityU16 background_activity_u16:
-                    $crate::filter::BackgroundActivity<u16, S>, $crate::filter::BackgroundActivityParams, u16;
-            }
+            Polarity polarity: $crate::filter::PolarityFilter, $crate::filter::PolarityParams, u8,
+                |_| 0, |geometry, params, _| Ok($crate::filter::PolarityFilter::new(geometry, params));
+            RegionOfInterest region_of_interest: $crate::filter::RegionOfInterest, $crate::filter::RegionParams, u8,
+                |_| 0, |geometry, params, _| $crate::filter::RegionOfInterest::try_new(geometry, params);
+            HotPixel hot_pixel: $crate::filter::HotPixelFilter<S>, (), u32,
+                $crate::filter::PixelMask::<()>::required_len,
+                |geometry, (), memory| $crate::filter::PixelMask::try_from_words(geometry, memory)
+                    .map($crate::filter::HotPixelFilter::new);
+            RefractoryU32 refractory_u32: $crate::filter::Refractory<u32, S>, $crate::filter::RefractoryParams, u32,
+                $crate::filter::Refractory::<u32, ()>::required_len, $crate::filter::Refractory::try_new;
+            RefractoryU16 refractory_u16: $crate::filter::Refractory<u16, S>, $crate::filter::RefractoryParams, u16,
+                $crate::filter::Refractory::<u16, ()>::required_len, $crate::filter::Refractory::try_new;
+            BackgroundActivityU32 background_activity_u32:
+                $crate::filter::BackgroundActivity<u32, S>, $crate::filter::BackgroundActivityParams, u32,
+                $crate::filter::BackgroundActivity::<u32, ()>::required_len,
+                $crate::filter::BackgroundActivity::try_new;
+            BackgroundActivityU16 background_activity_u16:
+                $crate::filter::BackgroundActivity<u16, S>, $crate::filter::BackgroundActivityParams, u16,
+                $crate::filter::BackgroundActivity::<u16, ()>::required_len,
+                $crate::filter::BackgroundActivity::try_new;
+            DenoiseU32 denoise_u32: $crate::filter::Denoise<u32, S>, $crate::filter::DenoiseParams, u32,
+                $crate::filter::Denoise::<u32, ()>::required_len, $crate::filter::Denoise::try_new;
+            DenoiseU16 denoise_u16: $crate::filter::Denoise<u16, S>, $crate::filter::DenoiseParams, u16,
+                $crate::filter::Denoise::<u16, ()>::required_len, $crate::filter::Denoise::try_new;
         }
     };
 }
@@ -74,6 +90,20 @@ pub enum Neighbours {
 pub enum FilterError {
     /// Its time map cannot.
     TimeMap(TimeMapError),
+    /// Its memory is too short.
+    MemoryTooShort {
+        /// Words needed.
+        needed: usize,
+        /// Words given.
+        found: usize,
+    },
+    /// More than 8 neighbours are asked to support an event.
+    SupportOutOfRange {
+        /// How many are asked.
+        support: u8,
+    },
+    /// The number of standard deviations is negative, not a number or infinite.
+    SigmasOutOfRange,
     /// The region does not lie on the sensor.
     RegionOffSensor {
         /// The sensor's size.
@@ -91,6 +121,15 @@ impl core::fmt::Display for FilterError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::TimeMap(error) => error.fmt(f),
+            Self::MemoryTooShort { needed, found } => {
+                write!(f, "memory of {found} words is too short: give {needed}")
+            }
+            Self::SupportOutOfRange { support } => {
+                write!(f, "a pixel has 8 neighbours, so {support} cannot support it: ask for 0 to 8")
+            }
+            Self::SigmasOutOfRange => {
+                f.write_str("the number of standard deviations must be 0 or more: 3 is usual")
+            }
             Self::RegionOffSensor { geometry } => {
                 write!(f, "the region reaches beyond the {geometry} sensor: make it smaller or move it")
             }

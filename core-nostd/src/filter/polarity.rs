@@ -1,6 +1,6 @@
 //! Polarity: keeps the events of one direction of change.
 
-use super::{FilterError, compact::compact_all};
+use super::compact::compact_all;
 use crate::{Block, Event, Filter, Geometry, Polarity, WrongGeometry};
 
 /// Parameters of [`PolarityFilter`].
@@ -15,10 +15,9 @@ pub struct PolarityParams {
 ///
 /// ```
 /// use lobula_core::{Event, Filter, Geometry, Polarity, filter::{PolarityFilter, PolarityParams}};
-/// let mut filter = PolarityFilter::try_new(Geometry::new(640, 480), PolarityParams { keep: Polarity::On })?;
+/// let mut filter = PolarityFilter::new(Geometry::new(640, 480), PolarityParams { keep: Polarity::On });
 /// assert!(filter.keep(Event::new(0, 1, 2, Polarity::On)));
 /// assert!(!filter.keep(Event::new(0, 1, 2, Polarity::Off)));
-/// # Ok::<(), lobula_core::filter::FilterError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct PolarityFilter {
@@ -27,9 +26,9 @@ pub struct PolarityFilter {
 }
 
 impl PolarityFilter {
-    /// A filter for events of this sensor. Never fails; the `Result` is that of every filter.
-    pub const fn try_new(geometry: Geometry, params: PolarityParams) -> Result<Self, FilterError> {
-        Ok(Self { geometry, params })
+    /// A filter for events of this sensor.
+    pub const fn new(geometry: Geometry, params: PolarityParams) -> Self {
+        Self { geometry, params }
     }
 }
 

@@ -59,7 +59,7 @@ impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> Refractory<T, S> {
 
 #[inline(always)]
 fn rested<T: Stamp>(pixels: &Pixels<'_, T>, event: Event, now: T, dt: i32, refresh: Refresh) -> bool {
-    let Some(pixel) = pixels.centre(event) else { return false };
+    let Some(pixel) = pixels.centre(pixels.index(event.x(), event.y())) else { return false };
     let last = pixel.get();
     let keep = now.age(last) >= dt;
     pixel.set(if keep | matches!(refresh, Refresh::All) { now } else { last });

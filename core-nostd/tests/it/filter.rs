@@ -74,6 +74,7 @@ fn run(filter: &mut impl Filter, events: &[Timed], mut seed: u64) -> Vec<Timed> 
 /// What a filter remembers, in the plainest way: the last full time of each pixel in ticks, if it fired at all.
 struct Memory {
     last: [[Option<i128>; SENSOR.width as usize]; SENSOR.height as usize],
+    on: [[bool; SENSOR.width as usize]; SENSOR.height as usize],
     newest: Option<i128>,
     shift: u8,
     step_back_max: i128,
@@ -81,7 +82,13 @@ struct Memory {
 
 impl Memory {
     fn new(bits: u32, shift: u8) -> Self {
-        Self { last: Default::default(), newest: None, shift, step_back_max: 1 << (bits - 3) }
+        Self {
+            last: Default::default(),
+            on: Default::default(),
+            newest: None,
+            shift,
+            step_back_max: 1 << (bits - 3),
+        }
     }
 
     /// The time in ticks; a large step back is a restart of the clock, after which nothing is remembered.
@@ -138,9 +145,34 @@ fn background_activity(memory: &mut Memory, timed: &Timed, neighbours: Neighbour
     beside > 0 || (neighbours == Neighbours::Eight && corners > 0)
 }
 
+fn denoise(memory: &mut Memory, timed: &Timed, params: DenoiseParams) -> bool {
+    let t = memory.see(timed);
+    let event = timed.event;
+    if HOT.contains(&(event.x(), event.y())) {
+        return false;
+    }
+    let shift = memory.shift;
+    let ticks = |us: u32| (us >> shift) as i128;
+    let (beside, corners) = memory.recent(event, t, ticks(params.support_us));
+    let last = *memory.pixel(event);
+    let age_below = |us: u32| us > 0 && last.is_some_and(|last| t - last < ticks(us));
+    let same = memory.on[event.y() as usize][event.x() as usize] == event.is_on();
+    let noise = beside + corners < params.support as usize;
+    let drop = age_below(params.refractory_us) || noise || (age_below(params.trail_us) && same);
+    *memory.pixel(event) = Some(t);
+    memory.on[event.y() as usize][event.x() as usize] = event.is_on();
+    !drop
+}
+
+/// Pixels that the tests call hot.
+const HOT: [(u16, u16); 2] = [(0, 0), (3, 2)];
+
 /// Runs a filter against its oracle over random streams, for a `u32` map and for `u16` maps of several ticks.
 macro_rules! oracle {
     ($name:ident, $filter:ident, |$shift:ident| $params:expr, $oracle:expr) => {
+        oracle!($name, $filter, |$shift| $params, $oracle, |_filter| {});
+    };
+    ($name:ident, $filter:ident, |$shift:ident| $params:expr, $oracle:expr, |$made:ident| $prepare:expr) => {
         mod $name {
             use super::*;
 
@@ -158,7 +190,10 @@ macro_rules! oracle {
                 fn u32_agrees(events in stream(1 << 29), seed: u64) {
                     let $shift = 0;
                     let memory = vec![0xA5A5_A5A5u32; $filter::<u32, ()>::required_len(SENSOR)];
-                    agrees(&mut $filter::try_new(SENSOR, $params, memory).unwrap(), 32, 0, &events, seed);
+                    #[allow(unused_mut)]
+                    let mut $made = $filter::try_new(SENSOR, $params, memory).unwrap();
+                    $prepare;
+                    agrees(&mut $made, 32, 0, &events, seed);
                 }
 
                 #[test]
@@ -168,7 +203,10 @@ macro_rules! oracle {
                 ) {
                     let $shift = shift;
                     let memory = vec![0xA5A5u16; $filter::<u16, ()>::required_len(SENSOR)];
-                    agrees(&mut $filter::try_new(SENSOR, $params, memory).unwrap(), 16, shift, &events, seed);
+                    #[allow(unused_mut)]
+                    let mut $made = $filter::try_new(SENSOR, $params, memory).unwrap();
+                    $prepare;
+                    agrees(&mut $made, 16, shift, &events, seed);
                 }
             }
 
@@ -229,14 +267,57 @@ oracle!(
     |shift| BackgroundActivityParams { dt_us: DT_US, neighbours: Neighbours::Eight, shift },
     |memory, timed| background_activity(memory, timed, Neighbours::Eight)
 );
+oracle!(
+    denoise_background_activity,
+    Denoise,
+    |shift| DenoiseParams { refractory_us: 0, support_us: DT_US, support: 1, trail_us: 0, shift },
+    |memory, timed| denoise(
+        memory,
+        timed,
+        DenoiseParams { refractory_us: 0, support_us: DT_US, support: 1, trail_us: 0, shift: 0 }
+    ),
+    |denoise| HOT.iter().for_each(|(x, y)| assert!(denoise.mask(*x, *y)))
+);
+oracle!(
+    denoise_all,
+    Denoise,
+    |shift| DenoiseParams {
+        refractory_us: DT_US,
+        support_us: 2 * DT_US,
+        support: 3,
+        trail_us: 3 * DT_US,
+        shift
+    },
+    |memory, timed| denoise(
+        memory,
+        timed,
+        DenoiseParams {
+            refractory_us: DT_US,
+            support_us: 2 * DT_US,
+            support: 3,
+            trail_us: 3 * DT_US,
+            shift: 0
+        }
+    ),
+    |denoise| HOT.iter().for_each(|(x, y)| assert!(denoise.mask(*x, *y)))
+);
 
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..Default::default() })]
 
     #[test]
+    fn hot_pixels_agree(events in stream(1 << 29), seed: u64) {
+        let mut mask = PixelMask::empty(SENSOR, [!0]).unwrap();
+        assert!(HOT.iter().all(|(x, y)| mask.insert(*x, *y)));
+        let expected: Vec<Timed> =
+            events.iter().filter(|timed| !HOT.contains(&(timed.event.x(), timed.event.y()))).copied().collect();
+        prop_assert_eq!(run(&mut HotPixelFilter::new(mask), &events, seed), expected);
+    }
+
+    #[test]
     fn polarity_and_region_agree(events in stream(1 << 29), seed: u64) {
         let params = PolarityParams { keep: Polarity::Off };
-        let mut filter = PolarityFilter::try_new(SENSOR, params).unwrap();
+        let mut filter = PolarityFilter::new(SENSOR, params);
         let expected: Vec<Timed> = events.iter().filter(|timed| !timed.event.is_on()).copied().collect();
         prop_assert_eq!(run(&mut filter, &events, seed), expected);
 
@@ -281,7 +362,7 @@ fn map<T: Clone + Default>(geometry: Geometry) -> Vec<T> {
     vec![T::default(); TimeMap::<T, ()>::required_len(geometry)]
 }
 
-chunk_invariance!(filter polarity, |geometry| PolarityFilter::try_new(geometry, PolarityParams { keep: Polarity::On }).unwrap());
+chunk_invariance!(filter polarity, |geometry| PolarityFilter::new(geometry, PolarityParams { keep: Polarity::On }));
 chunk_invariance!(filter region_of_interest, |geometry| {
     RegionOfInterest::try_new(geometry, RegionParams { x: 3, y: 1, width: 20, height: 2 }).unwrap()
 });
@@ -296,6 +377,18 @@ chunk_invariance!(filter background_activity, |geometry| {
 chunk_invariance!(filter background_activity_u16, |geometry| {
     let params = BackgroundActivityParams { dt_us: 32, neighbours: Neighbours::Four, shift: 3 };
     BackgroundActivity::<u16, _>::try_new(geometry, params, map(geometry)).unwrap()
+});
+chunk_invariance!(filter hot_pixel, |geometry| {
+    let words = vec![0x1111_0000u32; PixelMask::<()>::required_len(geometry)];
+    HotPixelFilter::new(PixelMask::try_from_words(geometry, words).unwrap())
+});
+chunk_invariance!(filter denoise, |geometry| {
+    let params = DenoiseParams { refractory_us: 10, support_us: 100, support: 2, trail_us: 50, shift: 0 };
+    Denoise::<u32, _>::try_new(geometry, params, vec![0; Denoise::<u32, ()>::required_len(geometry)]).unwrap()
+});
+chunk_invariance!(filter denoise_u16, |geometry| {
+    let params = DenoiseParams { refractory_us: 0, support_us: 64, support: 1, trail_us: 0, shift: 3 };
+    Denoise::<u16, _>::try_new(geometry, params, vec![0; Denoise::<u16, ()>::required_len(geometry)]).unwrap()
 });
 
 /// A tuple of filters, a chain of the same, and one after the other by hand.

@@ -1,0 +1,82 @@
+//! A set of pixels, one bit each.
+
+use super::FilterError;
+use crate::{Event, Geometry};
+
+/// A set of pixels of a sensor in the caller's memory: bit `i % 32` of word `i / 32` for the row-major index `i`.
+///
+/// ```
+/// use lobula_core::{Geometry, filter::PixelMask};
+/// let geometry = Geometry::new(1280, 720);
+/// let mut mask = PixelMask::empty(geometry, vec![0u32; PixelMask::<()>::required_len(geometry)])?;
+/// assert!(mask.insert(3, 4) && !mask.insert(1280, 0)); // the second is off the sensor
+/// assert!(mask.contains(3, 4) && !mask.contains(4, 3));
+/// # Ok::<(), lobula_core::filter::FilterError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct PixelMask<S> {
+    geometry: Geometry,
+    words: S,
+}
+
+impl<S> PixelMask<S> {
+    /// Words of memory that a mask of this sensor needs.
+    pub const fn required_len(geometry: Geometry) -> usize {
+        geometry.pixels().div_ceil(32)
+    }
+
+    /// The sensor's size.
+    pub const fn geometry(&self) -> Geometry {
+        self.geometry
+    }
+}
+
+impl<S: AsRef<[u32]>> PixelMask<S> {
+    /// The mask that is in `words` already (from flash, say).
+    pub fn try_from_words(geometry: Geometry, words: S) -> Result<Self, FilterError> {
+        let (needed, found) = (Self::required_len(geometry), words.as_ref().len());
+        if found < needed {
+            return Err(FilterError::MemoryTooShort { needed, found });
+        }
+        Ok(Self { geometry, words })
+    }
+
+    /// Whether the pixel is in the set; no pixel off the sensor is.
+    pub fn contains(&self, x: u16, y: u16) -> bool {
+        self.geometry.contains(x, y) && !self.spares(Event::new(0, x, y, crate::Polarity::Off))
+    }
+
+    /// Whether the event's pixel, which is on the sensor, is not in the set.
+    #[inline(always)]
+    pub(crate) fn spares(&self, event: Event) -> bool {
+        let i = self.geometry.index(event.x(), event.y());
+        self.words.as_ref().get(i / 32).is_some_and(|word| word >> (i % 32) & 1 == 0)
+    }
+
+    /// The pixels in the set as (x, y), row by row.
+    pub fn iter(&self) -> impl Iterator<Item = (u16, u16)> + '_ {
+        let Geometry { width, height } = self.geometry;
+        let pixels = (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
+        pixels.filter(|(x, y)| self.contains(*x, *y))
+    }
+}
+
+impl<S: AsRef<[u32]> + AsMut<[u32]>> PixelMask<S> {
+    /// A mask of no pixel, in `words` of at least [`required_len`](Self::required_len), whatever they hold.
+    pub fn empty(geometry: Geometry, words: S) -> Result<Self, FilterError> {
+        let mut mask = Self::try_from_words(geometry, words)?;
+        mask.words.as_mut().fill(0);
+        Ok(mask)
+    }
+
+    /// Adds a pixel; false, and nothing is done, off the sensor.
+    pub fn insert(&mut self, x: u16, y: u16) -> bool {
+        let i = self.geometry.index(x, y);
+        let on_sensor = self.geometry.contains(x, y);
+        match self.words.as_mut().get_mut(i / 32) {
+            Some(word) if on_sensor => *word |= 1 << (i % 32),
+            _ => return false,
+        }
+        true
+    }
+}
