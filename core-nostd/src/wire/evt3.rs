@@ -23,6 +23,8 @@ use crate::{
     Unwrap, full_time,
 };
 
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 mod kernel;
 mod portable;
 #[cfg(test)]
@@ -262,7 +264,7 @@ enum Outcome {
 impl State {
     /// What a kernel needs, if time and row are known and the sink takes every time that TIME_LOW can tell.
     fn steady(&self, geometry: Geometry, sink: &Sink<'_>) -> Option<Steady> {
-        let row = self.row.filter(|row| *row < geometry.height)?;
+        let row = self.row?;
         let high = self.high.value();
         let (earliest, latest) = (high << TIME_BITS, high << TIME_BITS | u64::from(PAYLOAD));
         let steady = Steady {

@@ -2,7 +2,7 @@
 
 use crate::chunk_invariance::Splits;
 use crate::streams::Timed;
-use lobula_core::wire::{AnyDecoder, Encoding, WordOrder};
+use lobula_core::wire::{AnyDecoder, Encoding, WordOrder, evt3};
 use lobula_core::{Decode, Event, Geometry, Sink};
 use sha2::{Digest, Sha256};
 
@@ -55,6 +55,18 @@ fn digest(events: &[Timed]) -> String {
     hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
+/// Each decoder of the format, with whole input and split.
+fn decoders(encoding: Encoding, geometry: Geometry) -> Vec<(AnyDecoder, Splits)> {
+    let decoders = match encoding {
+        Encoding::Evt3 => evt3::Kernel::ALL
+            .map(|kernel| AnyDecoder::Evt3(evt3::Decoder::with_kernel(geometry, kernel)))
+            .to_vec(),
+        _ => vec![AnyDecoder::new(encoding, geometry)],
+    };
+    let splits = [Splits::Whole, Splits::random(7)];
+    decoders.into_iter().flat_map(|decoder| splits.clone().map(|splits| (decoder.clone(), splits))).collect()
+}
+
 #[test]
 fn real_recordings_decode_to_the_truth() {
     let Some(truth) = lobula_tests::data("truth.json") else { return };
@@ -65,8 +77,8 @@ fn real_recordings_decode_to_the_truth() {
         let truth = &truth[name];
         let size = |of: &str| truth[of].as_u64().unwrap() as u16;
         let geometry = Geometry::new(size("width"), size("height"));
-        for mut splits in [Splits::Whole, Splits::random(7)] {
-            let events = decode_all(AnyDecoder::new(encoding, geometry), payload(&file), &mut splits);
+        for (decoder, mut splits) in decoders(encoding, geometry) {
+            let events = decode_all(decoder, payload(&file), &mut splits);
             assert_eq!(events.len() as u64, truth["events"].as_u64().unwrap(), "{name}");
             assert_eq!(Some(digest(&events).as_str()), truth["sha256"].as_str(), "{name}");
         }

@@ -1,5 +1,7 @@
 //! What the fast paths of the decoder share: the choice among them, and what they are given.
 
+#[cfg(target_arch = "x86_64")]
+use super::avx512;
 use super::portable;
 use crate::{Event, Geometry, Polarity};
 
@@ -11,15 +13,25 @@ pub enum Kernel {
     Plain,
     /// Tables instead of branches, in safe code for every CPU.
     Portable,
+    /// Sixteen words at a time, on an x86-64 CPU with AVX-512 (F, BW, CD, VL, VBMI2 and VPOPCNTDQ).
+    Avx512,
 }
 
 impl Kernel {
     /// Every kernel, slowest first.
-    pub const ALL: [Self; 2] = [Self::Plain, Self::Portable];
+    pub const ALL: [Self; 3] = [Self::Plain, Self::Portable, Self::Avx512];
+
+    /// Whether this CPU has what it takes: seen at run time with feature `std`, else what the code is compiled for.
+    pub fn is_available(self) -> bool {
+        match self {
+            Self::Plain | Self::Portable => true,
+            Self::Avx512 => avx512::is_available(),
+        }
+    }
 
     /// The fastest kernel of this CPU.
     pub fn best() -> Self {
-        Self::Portable
+        if Self::Avx512.is_available() { Self::Avx512 } else { Self::Portable }
     }
 
     /// Decodes words from the start of `words` as long as they are steady and `out` has room.
@@ -28,7 +40,26 @@ impl Kernel {
         match self {
             Self::Plain => Done::default(),
             Self::Portable => portable::run(state, words, out),
+            Self::Avx512 => {
+                let done = avx512::run(state, words, out);
+                let words = words.get(done.words..).unwrap_or_default();
+                let out = out.get_mut(done.events..).unwrap_or_default();
+                done + portable::run(state, words, out) // up to the end of `out`
+            }
         }
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+mod avx512 {
+    use super::{Done, Event, Steady};
+
+    pub(super) fn is_available() -> bool {
+        false
+    }
+
+    pub(super) fn run(_: &mut Steady, _: &[[u8; 2]], _: &mut [Event]) -> Done {
+        Done::default()
     }
 }
 
@@ -39,7 +70,7 @@ pub(super) struct Steady {
     pub geometry: Geometry,
     /// Time in µs modulo 2^32; the lower 12 bits may change.
     pub time: u32,
-    /// A row of the sensor.
+    /// The row told last.
     pub row: u16,
     /// Column and polarity of the next vector.
     pub base: Option<(u16, Polarity)>,
@@ -52,4 +83,12 @@ pub(super) struct Steady {
 pub(super) struct Done {
     pub words: usize,
     pub events: usize,
+}
+
+impl core::ops::Add for Done {
+    type Output = Self;
+
+    fn add(self, more: Self) -> Self {
+        Self { words: self.words + more.words, events: self.events + more.events }
+    }
 }

@@ -97,6 +97,9 @@ fn unpack(event: u64) -> Event {
 
 /// See [`Kernel::run`](super::Kernel).
 pub(super) fn run(state: &mut Steady, words: &[[u8; 2]], out: &mut [Event]) -> Done {
+    if state.row >= state.geometry.height {
+        return Done::default(); // columns alone are compared with the limits
+    }
     let limits = limits(state.geometry);
     let mut vectors = Vectors::new(state);
     let mut event = pack(state.time, 0, state.row, Polarity::Off);

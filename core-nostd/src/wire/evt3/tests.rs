@@ -192,6 +192,19 @@ fn a_block_ends_where_32_bits_of_time_do() {
     assert_eq!(decode(HD, &bytes).events[2].0, (1 << 31) + 1);
 }
 
+#[test]
+fn kernels_agree_on_real_recordings() {
+    for name in ["evt3_gen41_1280x720.raw", "evt3_trigger_1280x720.raw"] {
+        let Some(path) = lobula_tests::data(name) else { continue };
+        let mut words = &std::fs::read(path).unwrap()[..];
+        while let Some(b'%') = words.first() {
+            words = &words[words.iter().position(|byte| *byte == b'\n').unwrap() + 1..];
+        }
+        let told = decode(HD, words);
+        assert!(told.counters.events > 80_000 && told.counters.bytes_faulty == 0);
+    }
+}
+
 fn encode(events: &[(u64, Event)], out_len: usize) -> Result<Vec<u8>, Refused> {
     let mut encoder = Encoder::new();
     let mut bytes = Vec::new();
