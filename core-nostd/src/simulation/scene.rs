@@ -99,9 +99,10 @@ impl LabelCounts {
         Self(self.0.map(|count| count * n))
     }
 
-    fn minus(&self, other: &Self) -> Self {
+    /// These without those, of which there are no more than of these.
+    pub fn minus(&self, other: &Self) -> Self {
         let mut rest = *self;
-        rest.0.iter_mut().zip(other.0).for_each(|(n, m)| *n -= m);
+        rest.0.iter_mut().zip(other.0).for_each(|(n, m)| *n = n.saturating_sub(m));
         rest
     }
 }
@@ -129,7 +130,7 @@ pub struct Scene {
 }
 
 /// What comes before a stretch of [`BUCKET_US`].
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Bucket {
     first: usize,
     before: LabelCounts,
@@ -201,10 +202,26 @@ impl Scene {
         self.counts_before(t1.max(t0)).minus(&self.counts_before(t0))
     }
 
+    /// What the first `n` events are that the camera sends, in as many loops as that takes.
+    pub fn counts_of_first(&self, n: u64) -> LabelCounts {
+        let whole = (self.labels.len() as u64).max(1);
+        let rest = (n % whole) as usize;
+        let bucket = self.buckets.partition_point(|bucket| bucket.first <= rest).checked_sub(1);
+        let bucket = bucket.and_then(|i| self.buckets.get(i)).copied().unwrap_or_default();
+        let mut counts = self.counts_of_loop().times(n / whole).plus(&bucket.before);
+        for label in self.labels.get(bucket.first..rest).unwrap_or_default() {
+            counts.count(*label);
+        }
+        counts
+    }
+
+    fn counts_of_loop(&self) -> LabelCounts {
+        self.buckets.last().map(|bucket| bucket.before).unwrap_or_default()
+    }
+
     fn counts_before(&self, t: u64) -> LabelCounts {
         let period = self.period_us().max(1);
-        let whole = self.buckets.last().map(|bucket| bucket.before).unwrap_or_default();
-        let mut counts = whole.times(t / period);
+        let mut counts = self.counts_of_loop().times(t / period);
         let rest = (t % period) as u32;
         let Some(bucket) = self.buckets.get((rest / BUCKET_US) as usize) else { return counts };
         counts = counts.plus(&bucket.before);
@@ -340,6 +357,17 @@ mod tests {
                 }
             }
             assert_eq!(scene.counts(t0, t1), naive, "{t0}..{t1}");
+        }
+    }
+
+    #[test]
+    fn the_first_events_are_counted_over_loops() {
+        let scene = scene(4, 300_000);
+        let whole = scene.labels.len() as u64;
+        for n in [0, 1, 2, 999, whole - 1, whole, whole + 1, 3 * whole + 12_345] {
+            let mut naive = LabelCounts::default();
+            scene.labels.iter().cycle().take(n as usize).for_each(|label| naive.count(*label));
+            assert_eq!(scene.counts_of_first(n), naive, "{n}");
         }
     }
 
