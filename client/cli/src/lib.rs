@@ -1,1 +1,58 @@
-//! The lobula tool as a library, so that a wheel can start it too.
+//! # lobula-cli
+//!
+//! The `lobula` tool, as a library, so that other packages (the Python wheel) can start it too. A subcommand is one
+//! module and one line in [`args`].
+//!
+//! ```text
+//!  args ─▶ info                          a file                  (lobula-formats)
+//!       ─▶ status, top, echo             a daemon                (lobula-client)
+//! ```
+
+pub mod args;
+mod failure;
+mod output;
+
+mod info;
+
+mod echo;
+mod status;
+mod top;
+
+pub use failure::Failure;
+
+use args::{Args, Command};
+use clap::Parser;
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+/// Runs the tool with the arguments of a command line, the program's name first.
+///
+/// Exit codes: 0 done, 1 failed, 2 wrong usage or a bad file, 3 no such stream or device, 4 no daemon, 5 no
+/// permission, 6 nothing came in time, 8 another version.
+pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let args = match Args::try_parse_from(args) {
+        Ok(args) => args,
+        Err(error) => {
+            // That the message cannot be written leaves nothing else to do.
+            let _ = error.print();
+            return ExitCode::from(error.exit_code() as u8);
+        }
+    };
+    match run(args.command) {
+        Ok(code) => code,
+        Err(failure) => {
+            failure.print();
+            ExitCode::from(failure.code())
+        }
+    }
+}
+
+fn run(command: Command) -> Result<ExitCode, Failure> {
+    match command {
+        Command::Info(args) => info::run(&args),
+        Command::Status(args) => status::run(&args),
+        Command::Top(args) => top::run(&args),
+        Command::Echo(args) => echo::run(&args),
+    }?;
+    Ok(ExitCode::SUCCESS)
+}

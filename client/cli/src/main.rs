@@ -1,3 +1,5 @@
 //! The `lobula` binary.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    lobula_cli::main(std::env::args_os())
+}
