@@ -6,6 +6,8 @@ mod chunk_invariance;
 mod filter;
 mod representation;
 mod round_trip;
+#[cfg(feature = "alloc")]
+mod simulation;
 mod streams;
 mod truth;
 mod window;
