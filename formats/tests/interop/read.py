@@ -1,0 +1,40 @@
+"""Reads RAW files by libraries of others: `read.py PEER FILE...` prints a line `events sha256` for each file."""
+
+import hashlib
+import sys
+
+import numpy as np
+
+DIGEST = np.dtype([("t", "<u8"), ("x", "<u2"), ("y", "<u2"), ("p", "u1")])
+
+
+def faery(path):
+    import faery
+
+    packets = list(faery.events_stream_from_file(path))
+    events = np.concatenate(packets)
+    return events["t"], events["x"], events["y"], events["on"]
+
+
+def evlib(path):
+    import evlib
+
+    events = evlib.load_events(path, sort=False).collect()
+    t = events["t"].to_physical().to_numpy()
+    return t, events["x"].to_numpy(), events["y"].to_numpy(), events["polarity"].to_numpy() > 0
+
+
+def evutils(path):
+    from evutils.io import EventReader
+
+    events = np.concatenate(list(EventReader(path)))
+    return events["t"], events["x"], events["y"], events["p"]
+
+
+peer = {read.__name__: read for read in (faery, evlib, evutils)}[sys.argv[1]]
+for path in sys.argv[2:]:
+    columns = peer(path)
+    events = np.empty(len(columns[0]), DIGEST)
+    for name, column in zip(DIGEST.names, columns):
+        events[name] = column
+    print(len(events), hashlib.sha256(events.tobytes()).hexdigest())
