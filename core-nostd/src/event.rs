@@ -72,6 +72,13 @@ impl Event {
         self.y_on & Self::ON_BIT != 0
     }
 
+    /// All bits set for ON, none for OFF: to select without a branch, since no branch predictor knows the polarity
+    /// of the next event.
+    #[inline(always)]
+    pub(crate) const fn on_mask(self) -> u32 {
+        ((self.y_on as i16) >> 15) as i32 as u32
+    }
+
     /// Direction of the change.
     #[inline]
     pub const fn polarity(self) -> Polarity {

@@ -6,6 +6,7 @@
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec;
+use alloc::vec::Vec;
 
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
@@ -74,6 +75,11 @@ pub enum BadView {
     Period(BadPeriod),
     /// A parameter of the representation.
     Representation(BadRepresentation),
+    /// There is no memory for its state.
+    OutOfMemory {
+        /// Bytes it needs.
+        bytes: usize,
+    },
     /// The kind has no tensors of this type.
     Dtype {
         /// The kind.
@@ -95,6 +101,7 @@ impl core::fmt::Display for BadView {
         match self {
             Self::Period(error) => error.fmt(f),
             Self::Representation(error) => error.fmt(f),
+            Self::OutOfMemory { bytes } => write!(f, "no memory for its state of {bytes} bytes"),
             Self::Dtype { kind, dtype } => {
                 write!(f, "a {} view has no elements of type {}: give one of", kind.name(), dtype.name())?;
                 dtypes(*kind, |dtype| write!(f, " {}", dtype.name()))
@@ -152,6 +159,16 @@ pub trait Canvas {
 }
 
 type State = Box<[u32]>;
+
+/// Memory for the state of a representation.
+fn state(len: usize) -> Result<State, BadView> {
+    let mut state = Vec::new();
+    state
+        .try_reserve_exact(len)
+        .map_err(|_| BadView::OutOfMemory { bytes: len.saturating_mul(size_of::<u32>()) })?;
+    state.resize(len, 0);
+    Ok(state.into_boxed_slice())
+}
 
 /// Tensors of a stream at a fixed period.
 #[derive(Debug)]
@@ -288,8 +305,8 @@ macro_rules! any_representation {
             ) -> Result<Self, BadView> {
                 $(
                     if kind == Kind::$kind && dtype == <$type as Representation>::Pixel::DTYPE {
-                        let state = vec![0; <$type as Build<State>>::state_len(geometry)];
-                        return <$type>::build(parameters, geometry, state.into_boxed_slice())
+                        let state = state(<$type as Build<State>>::state_len(geometry))?;
+                        return <$type>::build(parameters, geometry, state)
                             .map(Self::$variant)
                             .map_err(BadView::Representation);
                     }
@@ -386,5 +403,177 @@ impl<F: FnMut(Closed, &[u8])> Canvas for Offline<F> {
     fn end(&mut self, closed: Closed) {
         let bytes = bytemuck::cast_slice(&self.lines).get(..self.len_bytes).unwrap_or_default();
         (self.each)(closed, bytes);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Event, Polarity};
+    use alloc::string::ToString;
+
+    const GEOMETRY: Geometry = Geometry::new(5, 3);
+
+    fn spec(json: &str) -> Result<ViewSpec, serde_json::Error> {
+        serde_json::from_str(json)
+    }
+
+    fn view(json: &str) -> Result<View, BadView> {
+        View::try_new(&spec(json).unwrap(), GEOMETRY)
+    }
+
+    /// Thousands of events over 100 ms, with steps back.
+    fn events() -> Vec<Event> {
+        (0..5_000u32)
+            .map(|i| {
+                let t = (i * 20).saturating_sub(if i % 97 == 0 { 300 } else { 0 });
+                Event::new(t, (i * 7 % 5) as u16, (i % 3) as u16, Polarity::from_bit((i / 11) as u16))
+            })
+            .collect()
+    }
+
+    /// What a view of `kind` gives for those events in blocks of `len`.
+    fn tensors(spec: &ViewSpec, len: usize) -> Vec<(Closed, Vec<u8>)> {
+        let mut view = View::try_new(spec, GEOMETRY).unwrap();
+        let mut out = Vec::new();
+        let mut canvas =
+            Offline::new(view.len_bytes(), |closed, bytes: &[u8]| out.push((closed, bytes.to_vec())));
+        for events in events().chunks(len) {
+            let (t_first, t_last) = (events[0].t().into(), events[events.len() - 1].t().into());
+            view.push(Span { t_first, t_last, geometry: GEOMETRY, events }, &mut canvas).unwrap();
+        }
+        view.finish(100_000, &mut canvas).unwrap();
+        out
+    }
+
+    #[test]
+    fn every_kind_and_type_gives_the_same_bytes_in_any_split() {
+        for kind in [Kind::Count, Kind::PolarityHistogram, Kind::VoxelGrid, Kind::TimeSurface] {
+            dtypes(kind, |dtype| {
+                let spec = ViewSpec { dtype: Some(dtype), ..ViewSpec::new("v", kind, 7_000) };
+                let whole = tensors(&spec, 5_000);
+                assert_eq!(whole.len(), 15, "{kind:?} {dtype:?}");
+                assert_eq!(whole.iter().map(|(closed, _)| closed.events).sum::<u64>(), 5_000);
+                assert!(whole.iter().any(|(_, bytes)| bytes.iter().any(|byte| *byte != 0)));
+                for len in [1, 63, 1_000] {
+                    assert_eq!(tensors(&spec, len), whole, "{kind:?} {dtype:?} blocks of {len}");
+                }
+                Ok(())
+            })
+            .unwrap();
+        }
+    }
+
+    #[test]
+    fn refuses_settings_that_mean_nothing() {
+        for (json, text) in [
+            (
+                r#"{"name": "v", "kind": "count", "period_us": 0}"#,
+                "period_us = 0 is not a period: give 1 to 1073741823 µs",
+            ),
+            (
+                r#"{"name": "v", "kind": "voxel_grid", "period_us": 9, "bins": 0}"#,
+                "bins = 0 is no voxel grid: give at least 1",
+            ),
+            (
+                r#"{"name": "v", "kind": "time_surface", "period_us": 9, "tau_us": 0}"#,
+                "tau_us = 0 is not a decay: give 1 to 33554432 µs",
+            ),
+            (
+                r#"{"name": "v", "kind": "count", "period_us": 9, "bins": 3}"#,
+                "bins means nothing to a count view: remove it",
+            ),
+            (
+                r#"{"name": "v", "kind": "voxel_grid", "period_us": 9, "tau_us": 3}"#,
+                "tau_us means nothing to a voxel_grid view: remove it",
+            ),
+            (
+                r#"{"name": "v", "kind": "voxel_grid", "period_us": 9, "dtype": "u8"}"#,
+                "a voxel_grid view has no elements of type u8: give one of f32",
+            ),
+            (
+                r#"{"name": "v", "kind": "count", "period_us": 9, "dtype": "f16"}"#,
+                "a count view has no elements of type f16: give one of u8 u16 f32",
+            ),
+        ] {
+            assert_eq!(view(json).unwrap_err().to_string(), text, "{json}");
+        }
+        for json in [
+            r#"{"name": "v", "kind": "count"}"#,
+            r#"{"kind": "count", "period_us": 9}"#,
+            r#"{"name": "v", "kind": "counts", "period_us": 9}"#,
+            r#"{"name": "v", "kind": "count", "period_us": 9, "perod": 1}"#,
+            r#"{"name": "v", "kind": "count", "period_us": -9}"#,
+        ] {
+            assert!(spec(json).is_err(), "{json}");
+        }
+    }
+
+    #[test]
+    fn settings_survive_writing_and_reading() {
+        let spec = ViewSpec {
+            tau_us: Some(5),
+            dtype: Some(Dtype::F16),
+            ..ViewSpec::new("s", Kind::TimeSurface, 100)
+        };
+        let json = serde_json::to_string(&spec).unwrap();
+        assert_eq!(json, r#"{"name":"s","kind":"time_surface","period_us":100,"dtype":"f16","tau_us":5}"#);
+        assert_eq!(serde_json::from_str::<ViewSpec>(&json).unwrap(), spec);
+    }
+
+    /// Lends what it is told to, and remembers how often.
+    struct Lender {
+        lines: Vec<Line>,
+        from: usize,
+        len: Option<usize>,
+        ends: usize,
+    }
+
+    impl Canvas for Lender {
+        fn begin(&mut self, _: Window) {}
+
+        fn memory(&mut self) -> Option<&mut [u8]> {
+            let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut self.lines);
+            self.len.map(|len| &mut bytes[self.from..self.from + len])
+        }
+
+        fn end(&mut self, _: Closed) {
+            self.ends += 1;
+        }
+    }
+
+    #[test]
+    fn a_window_without_memory_is_left_out_and_bad_memory_is_an_error() {
+        let len_bytes = 2 * GEOMETRY.pixels() * 4;
+        let event = [Event::new(50, 1, 1, Polarity::On)];
+        let span = Span { t_first: 50, t_last: 50, geometry: GEOMETRY, events: &event };
+        let bad = |found| Err(PushError::Memory { expected: len_bytes, found });
+        for (from, len, expected) in [
+            (0, None, Ok(())),
+            (0, Some(len_bytes), Ok(())),
+            (1, Some(len_bytes), bad(len_bytes)),
+            (0, Some(len_bytes - 4), bad(len_bytes - 4)),
+        ] {
+            let mut view = view(r#"{"name": "v", "kind": "time_surface", "period_us": 100}"#).unwrap();
+            let mut lender = Lender { lines: vec![Line::zeroed(); 8], from, len, ends: 0 };
+            assert_eq!(view.push(span, &mut lender), expected);
+            // The next window has memory, and the surface knows of the event all the same.
+            (lender.from, lender.len) = (0, Some(len_bytes));
+            view.advance(100 + Slicer::SLACK_US, &mut lender).unwrap();
+            view.finish(150, &mut lender).unwrap();
+            let surface: &[f32] = bytemuck::cast_slice(&lender.memory().unwrap()[..len_bytes]);
+            assert!(surface[GEOMETRY.index(1, 1)] > 0.9);
+            assert!(lender.ends > 1);
+        }
+    }
+
+    #[test]
+    fn refuses_another_sensor() {
+        let mut view = view(r#"{"name": "v", "kind": "count", "period_us": 100}"#).unwrap();
+        let found = Geometry::new(3, 5);
+        let span = Span { t_first: 0, t_last: 0, geometry: found, events: &[] };
+        let wrong = PushError::Geometry(WrongGeometry { expected: GEOMETRY, found });
+        let mut canvas = Offline::new(view.len_bytes(), |_, _: &[u8]| {});
+        assert_eq!(view.push(span, &mut canvas), Err(wrong));
     }
 }

@@ -50,13 +50,13 @@ impl<P: Tally> Representation for Count<P> {
 
     fn accumulate(&mut self, span: Span<'_>, out: &mut [P]) -> Result<(), WrongGeometry> {
         check(self.geometry, &span)?;
+        let mut saturated = 0;
         for event in span.events {
             if let Some(cell) = out.get_mut(self.geometry.index(event.x(), event.y())) {
-                let more = cell.more();
-                self.saturated += u64::from(more == *cell);
-                *cell = more;
+                saturated += u64::from(!cell.count());
             }
         }
+        self.saturated += saturated;
         Ok(())
     }
 

@@ -21,7 +21,7 @@ pub use polarity_histogram::PolarityHistogram;
 pub use time_surface::TimeSurface;
 pub use voxel_grid::VoxelGrid;
 
-use crate::{Geometry, Representation, Span, WrongGeometry};
+use crate::{Event, Geometry, Representation, Span, WrongGeometry};
 
 /// Every representation, in every type of element: the one list that the host's views and the no-panic proof are
 /// made from. Calls the macro `$then` with lines of `Variant Kind Type;`, the types over memory of type `$state`.
@@ -144,4 +144,11 @@ pub trait Build<S>: Representation + Sized {
 /// Refuses events of another sensor.
 fn check(expected: Geometry, span: &Span<'_>) -> Result<(), WrongGeometry> {
     if span.geometry == expected { Ok(()) } else { Err(WrongGeometry { expected, found: span.geometry }) }
+}
+
+/// Index of an event's element in planes ON, OFF.
+#[inline(always)]
+fn index_by_polarity(geometry: Geometry, event: Event) -> usize {
+    let plane = geometry.pixels() & !(event.on_mask() as i32 as usize);
+    plane + geometry.index(event.x(), event.y())
 }

@@ -2,7 +2,7 @@
 
 use core::marker::PhantomData;
 
-use crate::representation::{BadRepresentation, Build, Parameters, Tally, check};
+use crate::representation::{BadRepresentation, Build, Parameters, Tally, check, index_by_polarity};
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Number of events of each pixel by polarity: 2 x H x W (ON, OFF) of u8, u16 or f32.
@@ -50,14 +50,13 @@ impl<P: Tally> Representation for PolarityHistogram<P> {
 
     fn accumulate(&mut self, span: Span<'_>, out: &mut [P]) -> Result<(), WrongGeometry> {
         check(self.geometry, &span)?;
+        let mut saturated = 0;
         for event in span.events {
-            let plane = if event.is_on() { 0 } else { self.geometry.pixels() };
-            if let Some(cell) = out.get_mut(plane + self.geometry.index(event.x(), event.y())) {
-                let more = cell.more();
-                self.saturated += u64::from(more == *cell);
-                *cell = more;
+            if let Some(cell) = out.get_mut(index_by_polarity(self.geometry, *event)) {
+                saturated += u64::from(!cell.count());
             }
         }
+        self.saturated += saturated;
         Ok(())
     }
 

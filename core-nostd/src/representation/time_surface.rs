@@ -6,7 +6,7 @@
 use core::marker::PhantomData;
 
 use crate::math::exp;
-use crate::representation::{BadRepresentation, Build, Parameters, Real, check};
+use crate::representation::{BadRepresentation, Build, Parameters, Real, check, index_by_polarity};
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// See [`TimeSurface::TAU_US_MAX`].
@@ -120,11 +120,15 @@ impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> Representation for TimeSurface<P, 
         let (geometry, map) = (self.geometry, self.map.as_mut());
         let t0 = self.window.t0 as u32;
         let length = self.window.t1.saturating_sub(self.window.t0).min(OLD_US.into()) as i32;
-        for event in span.events {
-            let plane = if event.is_on() { 0 } else { geometry.pixels() };
-            if let Some(last) = map.get_mut(plane + geometry.index(event.x(), event.y())) {
-                let since = (event.t().wrapping_sub(t0) as i32).max(0).min(length);
-                *last = t0.wrapping_add(since as u32);
+        // Some 25 events of a busy sensor share each µs.
+        for run in span.events.chunk_by(|a, b| a.t() == b.t()) {
+            let Some(first) = run.first() else { continue };
+            let since = (first.t().wrapping_sub(t0) as i32).max(0).min(length);
+            let stamp = t0.wrapping_add(since as u32);
+            for event in run {
+                if let Some(last) = map.get_mut(index_by_polarity(geometry, *event)) {
+                    *last = stamp;
+                }
             }
         }
         Ok(())
@@ -137,7 +141,7 @@ impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> Representation for TimeSurface<P, 
         for (pixel, last) in out.iter_mut().zip(self.map.as_ref()) {
             let age = t1.wrapping_sub(*last) as i32;
             let value = exp(age as f32 * rate);
-            *pixel = P::from_f32(if age < age_end { value } else { 0.0 });
+            *pixel = P::from_share(if age < age_end { value } else { 0.0 });
         }
     }
 }
