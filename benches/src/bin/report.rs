@@ -1,3 +1,104 @@
-//! Each operation beside the same one of its peer.
+//! `report [--json] [--only OP] [--rounds N]`: each operation and the same one of a peer, in turn on one core.
+//!
+//! With feature `peers` beside eventcv-core 1.0.11, else alone. Figures are medians of CPU time; a side that gives a
+//! wrong answer ends the report with exit code 1.
 
-fn main() {}
+use std::process::ExitCode;
+
+use lobula_benches::contest::Line;
+use lobula_benches::input::{EVENTS, Scene};
+use lobula_benches::op::Op;
+use lobula_benches::{clock, peers};
+
+const USAGE: &str = "usage: report [--json] [--only OP] [--rounds N]";
+
+struct Options {
+    json: bool,
+    only: Option<Op>,
+    rounds: usize,
+}
+
+impl Options {
+    fn parse(mut args: impl Iterator<Item = String>) -> Result<Self, String> {
+        let mut options = Self { json: false, only: None, rounds: 5 };
+        while let Some(arg) = args.next() {
+            match arg.as_str() {
+                "--json" => options.json = true,
+                "--only" => options.only = Some(op(&args.next().ok_or(USAGE)?)?),
+                "--rounds" => options.rounds = rounds(&args.next().ok_or(USAGE)?)?,
+                _ => return Err(format!("{arg} is no option; {USAGE}")),
+            }
+        }
+        Ok(options)
+    }
+}
+
+fn op(name: &str) -> Result<Op, String> {
+    let names = Op::ALL.map(Op::name).join(", ");
+    Op::ALL
+        .into_iter()
+        .find(|op| op.name() == name)
+        .ok_or(format!("{name} is no operation; there are {names}"))
+}
+
+fn rounds(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| *n > 0).ok_or(format!("{text} is no number of rounds; at least 1"))
+}
+
+fn main() -> ExitCode {
+    match Options::parse(std::env::args().skip(1)).and_then(|options| report(&options)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(sentence) => {
+            eprintln!("report: {sentence}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn report(options: &Options) -> Result<(), String> {
+    let core = clock::pin_to_one_core().map_err(|e| e.to_string())?;
+    let scene = Scene::load(EVENTS)?;
+    let peer = peers::load(&scene)?;
+    eprintln!("{}, pinned to core {core}; {}", clock::machine(), scene.source);
+    if !options.json {
+        println!("{}", heading());
+    }
+    for op in Op::ALL.into_iter().filter(|op| options.only.is_none_or(|only| only == *op)) {
+        for contest in op.contests(&scene, peer.as_deref())? {
+            let line = contest.run(options.rounds)?;
+            println!("{}", if options.json { json(&line)? } else { row(&line) });
+        }
+    }
+    Ok(())
+}
+
+fn json(line: &Line) -> Result<String, String> {
+    serde_json::to_string(line).map_err(|e| e.to_string())
+}
+
+fn heading() -> String {
+    format!(
+        "{:<20} {:<9} {:<7} {:>9} {:>9} {:<6} {:>6}  {:<10} {}",
+        "operation", "kernel", "proto", "ours", "peer", "unit", "ratio", "bar", "peer's way; differences"
+    )
+}
+
+fn row(line: &Line) -> String {
+    let figure = |value: Option<f64>| value.map_or("-".into(), |v| format!("{v:.2}"));
+    let verdict = match (line.ratio, line.bar) {
+        (Some(ratio), Some(bar)) => format!("{bar}x {}", if ratio >= bar { "ok" } else { "below" }),
+        _ => "-".into(),
+    };
+    let way = line.peer_name.as_deref().unwrap_or("no peer: built without feature `peers`");
+    format!(
+        "{:<20} {:<9} {:<7} {:>9.2} {:>9} {:<6} {:>6}  {verdict:<10} {way}; {}",
+        line.op,
+        line.kernel,
+        line.protocol.name(),
+        line.ours,
+        figure(line.peer),
+        line.unit.name(),
+        figure(line.ratio),
+        line.note
+    )
+}

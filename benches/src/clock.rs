@@ -1,0 +1,79 @@
+//! CPU time, and one core to spend it on. The bench's clocks live here.
+#![allow(unsafe_code)] // two libc calls that std does not offer
+
+use std::io;
+use std::time::Duration;
+
+/// CPU time of the whole process so far, user and system, all threads.
+///
+/// Other jobs on the machine do not enter it, which wall time cannot say.
+pub fn cpu_time() -> Duration {
+    let mut now = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    // SAFETY: `now` is a valid timespec for the call to write, and the clock's id is one that Linux always has.
+    let failed = unsafe { libc::clock_gettime(libc::CLOCK_PROCESS_CPUTIME_ID, &mut now) };
+    assert_eq!(failed, 0, "CLOCK_PROCESS_CPUTIME_ID: {}", io::Error::last_os_error());
+    Duration::new(now.tv_sec.unsigned_abs(), u32::try_from(now.tv_nsec).unwrap_or_default())
+}
+
+/// CPU time that `work` took, and what it gave.
+pub fn timed<T>(work: impl FnOnce() -> T) -> (Duration, T) {
+    let start = cpu_time();
+    let result = work();
+    (cpu_time().saturating_sub(start), result)
+}
+
+/// Pins this process' calling thread, and the threads it starts later, to the last core it may run on; returns that
+/// core.
+pub fn pin_to_one_core() -> io::Result<usize> {
+    let core = *allowed_cores()?.last().ok_or_else(|| io::Error::other("no core is allowed"))?;
+    pin_to(core)?;
+    Ok(core)
+}
+
+/// Pins the calling thread to `core`.
+pub fn pin_to(core: usize) -> io::Result<()> {
+    // SAFETY: a cpu_set_t is a plain bit field, for which all zeros is the empty set.
+    let mut set: libc::cpu_set_t = unsafe { std::mem::zeroed() };
+    // SAFETY: `set` is valid and the macro refuses a core beyond its size.
+    unsafe { libc::CPU_SET(core, &mut set) };
+    // SAFETY: `set` is valid for the size given; 0 is the calling thread.
+    let failed = unsafe { libc::sched_setaffinity(0, size_of::<libc::cpu_set_t>(), &raw const set) };
+    if failed == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
+/// The cores the calling thread may run on, in ascending order.
+pub fn allowed_cores() -> io::Result<Vec<usize>> {
+    // SAFETY: a cpu_set_t is a plain bit field, for which all zeros is the empty set.
+    let mut set: libc::cpu_set_t = unsafe { std::mem::zeroed() };
+    // SAFETY: `set` is valid for the size given; 0 is the calling thread.
+    let failed = unsafe { libc::sched_getaffinity(0, size_of::<libc::cpu_set_t>(), &raw mut set) };
+    if failed != 0 {
+        return Err(io::Error::last_os_error());
+    }
+    // SAFETY: `set` is valid, and every core asked for is below its size.
+    Ok((0..libc::CPU_SETSIZE as usize).filter(|core| unsafe { libc::CPU_ISSET(*core, &set) }).collect())
+}
+
+/// The middle of what was measured; of an even number, the lower of the two.
+pub fn median(times: &mut [Duration]) -> Duration {
+    times.sort_unstable();
+    times.get(times.len().saturating_sub(1) / 2).copied().unwrap_or_default()
+}
+
+/// The processor's name as Linux tells it.
+pub fn machine() -> String {
+    let cpuinfo = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let field = |name: &str| {
+        cpuinfo
+            .lines()
+            .find(|line| line.starts_with(name))
+            .and_then(|line| line.split_once(':'))
+            .map(|(_, v)| v.trim())
+    };
+    let cores = cpuinfo.lines().filter(|line| line.starts_with("processor")).count().max(1);
+    let model = field("model name").or_else(|| field("Hardware")).unwrap_or(std::env::consts::ARCH);
+    let megahertz = field("cpu MHz")
+        .and_then(|v| v.parse::<f64>().ok())
+        .map_or(String::new(), |v| format!(" at {v:.0} MHz"));
+    format!("{cores} cores of {model}{megahertz}")
+}

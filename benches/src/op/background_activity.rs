@@ -1,0 +1,39 @@
+//! Events without those that no neighbour supports.
+
+use lobula_core::filter::{BackgroundActivity, BackgroundActivityParams, Neighbours};
+
+use super::Op;
+use super::thinned::Thinned;
+use crate::contest::Contest;
+use crate::input::Scene;
+use crate::peers::Library;
+
+/// The name in reports.
+pub const NAME: &str = "background_activity";
+
+/// How long ago a neighbour's event supports, in µs.
+pub const WITHIN_US: u32 = 1_000;
+
+/// 16 bits hold this time in ticks of 1 µs: the verdicts are those of 64-bit times, in half the memory.
+type Stage = BackgroundActivity<u16, Vec<u16>>;
+
+/// The operation's contests.
+///
+/// # Errors
+/// A sentence, where the peer keeps other events.
+pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<Vec<Contest<'a>>, String> {
+    stage(scene)?;
+    let op = Thinned {
+        op: Op::BackgroundActivity,
+        bar_stream: Some(5.0),
+        note: "same events; ours: a map of 16-bit ticks of 1 µs; peer: of 64-bit times, no streaming form",
+    };
+    #[allow(clippy::expect_used)] // it was made above
+    op.contests(scene, peer, || stage(scene).expect("made above"))
+}
+
+fn stage(scene: &Scene) -> Result<Stage, String> {
+    let params = BackgroundActivityParams { dt_us: WITHIN_US, neighbours: Neighbours::Eight, shift: 0 };
+    let map = vec![0; Stage::required_len(scene.geometry)];
+    Stage::try_new(scene.geometry, params, map).map_err(|e| e.to_string())
+}

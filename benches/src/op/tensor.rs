@@ -1,0 +1,120 @@
+//! What the operations that build a tensor share.
+
+use std::hint::black_box;
+
+use bytemuck::Zeroable;
+use lobula_core::Representation;
+
+use super::Op;
+use crate::contest::{Contest, Protocol, Unit, Work};
+use crate::input::{Scene, TENSOR_EVENTS, packets};
+use crate::peers::Library;
+
+/// An operation that builds a tensor.
+pub struct Tensor {
+    /// Which.
+    pub op: Op,
+    /// How much faster `stream` shall be; `whole` twice.
+    pub bar_stream: f64,
+    /// How far an element may be from the peer's.
+    pub tolerance: f32,
+    /// How the two sides differ in what they do.
+    pub note: &'static str,
+}
+
+impl Tensor {
+    /// The operation's contests, where `make` makes our representation.
+    ///
+    /// # Errors
+    /// A sentence, where the peer builds another tensor.
+    pub fn contests<'a, R>(
+        &self,
+        scene: &'a Scene,
+        peer: Option<&'a dyn Library>,
+        make: impl Fn() -> R + Copy + 'a,
+    ) -> Result<Vec<Contest<'a>>, String>
+    where
+        R: Representation + 'a,
+        R::Pixel: Into<f32>,
+    {
+        if let Some(peer) = peer {
+            self.same(&build(scene, &mut make()), &peer.tensor(self.op))?;
+        }
+        let contest = |protocol, ours, bar| Contest {
+            op: self.op.name(),
+            kernel: "portable",
+            protocol,
+            unit: Unit::Time,
+            events: TENSOR_EVENTS,
+            expected: TENSOR_EVENTS as u64,
+            ours,
+            peers: peer.map_or_else(Vec::new, |peer| peer.ways(self.op, protocol)),
+            bar: Some(bar),
+            note: self.note,
+        };
+        Ok(vec![
+            contest(Protocol::Whole, whole(scene, make), 2.0),
+            contest(Protocol::Stream, stream(scene, make()), self.bar_stream),
+        ])
+    }
+
+    fn same<P: Copy + Into<f32>>(&self, ours: &[P], theirs: &[f32]) -> Result<(), String> {
+        if ours.len() != theirs.len() {
+            return Err(format!("{}: ours {} elements, theirs {}", self.op.name(), ours.len(), theirs.len()));
+        }
+        let near = |a: f32, b: f32| (a - b).abs() <= self.tolerance;
+        let differ = ours.iter().zip(theirs).position(|(a, b)| !near((*a).into(), *b));
+        differ.map_or(Ok(()), |i| {
+            Err(format!(
+                "{}: element {i} differs: ours {}, theirs {}",
+                self.op.name(),
+                ours[i].into(),
+                theirs[i]
+            ))
+        })
+    }
+}
+
+/// A fresh tensor of the scene's events, packet by packet.
+fn build<R: Representation>(scene: &Scene, representation: &mut R) -> Vec<R::Pixel> {
+    let mut out = vec![R::Pixel::zeroed(); representation.shape().len()];
+    fill(scene, representation, &mut out);
+    out
+}
+
+/// Fills `out` and returns how many events went into it.
+fn fill<R: Representation>(scene: &Scene, representation: &mut R, out: &mut [R::Pixel]) -> u64 {
+    let mut events = 0;
+    representation.begin(scene.tensor_window, out);
+    for packet in packets(scene.span(TENSOR_EVENTS)) {
+        if representation.accumulate(packet, out).is_ok() {
+            events += packet.events.len() as u64;
+        }
+    }
+    representation.finish(out);
+    events
+}
+
+/// All events at once, into a fresh tensor with fresh state.
+fn whole<'a, R: Representation>(scene: &'a Scene, make: impl Fn() -> R + 'a) -> Work<'a> {
+    Box::new(move || {
+        let mut representation = make();
+        let mut out = vec![R::Pixel::zeroed(); representation.shape().len()];
+        let span = scene.span(TENSOR_EVENTS);
+        representation.begin(scene.tensor_window, &mut out);
+        let done = representation.accumulate(span, &mut out);
+        representation.finish(&mut out);
+        black_box(out);
+        done.map_or(0, |()| span.events.len() as u64)
+    })
+}
+
+/// A packet at a time, into a tensor and state used again.
+fn stream<'a, R: Representation + 'a>(scene: &'a Scene, mut representation: R) -> Work<'a> {
+    let mut out = build(scene, &mut representation);
+    Box::new(move || {
+        let events = fill(scene, &mut representation, &mut out);
+        black_box(&out);
+        events
+    })
+}

@@ -1,0 +1,253 @@
+//! eventcv-core 1.0.11: events in four columns, every operation a new stream or a new frame.
+//!
+//! It has no form that takes packets, but for two: its file reader can push events into a consumer of the caller's,
+//! and its polarity histogram can be reset and filled again. Both are used here as its best `stream` way.
+
+use std::hint::black_box;
+use std::path::PathBuf;
+
+use eventcv_core::io::{EventConsumer, EvtVersion, LoadOptions, SliceSource};
+use eventcv_core::io::{decode_words, open_raw_slice, read_raw};
+use eventcv_core::representation::{
+    EventFrame, EventFrameData, Polarity, PolarityAccumulator, Representation, TimeSurface, VoxelGrid,
+};
+use eventcv_core::{EventStream, EventStreamBuilder};
+use lobula_core::Event;
+
+use super::Library;
+use crate::contest::{Peer, Protocol, Work};
+use crate::input::{PACKET_EVENTS, Scene, TENSOR_EVENTS};
+use crate::op::{self, Op};
+
+const MILLISECONDS_OF_A_MICROSECOND: f64 = 1e-3;
+/// Window of its lazy reader, in µs: what its own benches and the paper use.
+const SLICE_US: i64 = 33_000;
+
+/// Prepares the peer's input from `scene`.
+///
+/// # Errors
+/// A sentence, where it cannot read it.
+pub fn load(scene: &Scene) -> Result<Option<Box<dyn Library>>, String> {
+    EventCv::new(scene).map(|library| Some(Box::new(library) as Box<dyn Library>))
+}
+
+struct EventCv {
+    file: TemporaryFile,
+    words: Vec<u8>,
+    size: (usize, usize),
+    source: Box<dyn SliceSource>,
+    stream: EventStream,
+    tensor: EventStream,
+    window_ms: f64,
+}
+
+impl EventCv {
+    fn new(scene: &Scene) -> Result<Self, String> {
+        let size = (usize::from(scene.geometry.width), usize::from(scene.geometry.height));
+        let file = TemporaryFile::with_words(&scene.bytes)?;
+        let source = open_raw_slice(&file.0, &options(size)).map_err(|e| e.to_string())?;
+        let stream =
+            decode_words(&scene.bytes, EvtVersion::Evt3, size.0, size.1).map_err(|e| e.to_string())?;
+        let tensor = first(&stream, TENSOR_EVENTS);
+        let window = scene.tensor_window;
+        let window_ms = (window.t1 - window.t0) as f64 * MILLISECONDS_OF_A_MICROSECOND;
+        Ok(Self {
+            file,
+            words: scene.bytes.clone(),
+            size,
+            source: Box::new(source),
+            stream,
+            tensor,
+            window_ms,
+        })
+    }
+
+    fn decode_whole(&self) -> Vec<Peer<'_>> {
+        let (width, height) = self.size;
+        let words: Work<'_> = Box::new(move || {
+            let stream = decode_words(&self.words, EvtVersion::Evt3, width, height);
+            black_box(stream).map_or(0, |s| s.len() as u64)
+        });
+        let file: Work<'_> = Box::new(move || {
+            black_box(read_raw(&self.file.0, &options(self.size))).map_or(0, |s| s.len() as u64)
+        });
+        vec![peer("decode_words", words), peer("read_raw", file)]
+    }
+
+    fn decode_stream(&self) -> Vec<Peer<'_>> {
+        let (t0, t1) = self.source.time_span();
+        let mut packet = Packet::new();
+        let pushed: Work<'_> = Box::new(move || {
+            packet.total = 0;
+            // Well past the end: it stops at the first time beyond, and times step back.
+            let done = self.source.slice_time_into(t0, t1 + SLICE_US, &mut packet);
+            done.map_or(0, |()| packet.total)
+        });
+        let slices = move || {
+            let windows = (t0..=t1).step_by(SLICE_US as usize);
+            windows
+                .map(|t| self.source.slice_time(t, t + SLICE_US).map_or(0, |s| black_box(s).len() as u64))
+                .sum()
+        };
+        // A time that steps back over a window's edge is lost to it: its count is its own.
+        let expected = Some(slices());
+        let sliced = Peer { expected, ..peer("slice_time 33 ms, fresh streams", Box::new(slices)) };
+        vec![peer("slice_time_into a reused packet", pushed), sliced]
+    }
+
+    fn polarity_stream(&self) -> Vec<Peer<'_>> {
+        let (width, height) = self.size;
+        let Ok(mut counts) = PolarityAccumulator::new(width, height, 1) else { return Vec::new() };
+        let again: Work<'_> = Box::new(move || {
+            counts.reset();
+            let stream = &self.tensor;
+            for i in 0..stream.len() {
+                counts.push(stream.xs()[i], stream.ys()[i], stream.ts()[i], stream.ps()[i]);
+            }
+            black_box(&counts);
+            stream.len() as u64
+        });
+        vec![peer("PolarityAccumulator, reset and filled again", again), self.framed(Op::Polarity)]
+    }
+
+    /// The tensor made anew, which is its only way but for polarity.
+    fn framed(&self, op: Op) -> Peer<'_> {
+        let call = match op {
+            Op::Polarity => "Polarity::generate",
+            Op::Voxel5 => "VoxelGrid::generate",
+            _ => "TimeSurface::generate",
+        };
+        peer(call, Box::new(move || black_box(self.frame(op)).map_or(0, |_| self.tensor.len() as u64)))
+    }
+
+    fn frame(&self, op: Op) -> Option<EventFrame> {
+        match op {
+            Op::Polarity => Polarity::new(false).generate(&self.tensor).ok(),
+            Op::Voxel5 => VoxelGrid::new(op::voxel5::BINS.into(), self.window_ms).generate(&self.tensor).ok(),
+            Op::TimeSurface => {
+                let tau_ms = op::time_surface::TAU_US as f64 * MILLISECONDS_OF_A_MICROSECOND;
+                TimeSurface::new(tau_ms).generate(&self.tensor).ok()
+            }
+            _ => None,
+        }
+    }
+
+    /// The stream filtered anew, which is its only way.
+    fn filtered(&self, op: Op, protocol: Protocol) -> Peer<'_> {
+        let mask = self.stream.hot_pixel_mask(op::hot_pixel::SIGMAS.into());
+        let (call, filter): (_, Box<dyn Fn() -> EventStream>) = match (op, protocol) {
+            (Op::Refractory, _) => ("refractory_filter", Box::new(move || self.kept(op))),
+            (Op::BackgroundActivity, _) => ("background_activity_filter", Box::new(move || self.kept(op))),
+            (_, Protocol::Whole) => ("hot_pixel_filter", Box::new(move || self.kept(op))),
+            (_, Protocol::Stream) => {
+                ("drop_masked_pixels", Box::new(move || self.stream.drop_masked_pixels(&mask)))
+            }
+        };
+        peer(call, Box::new(move || black_box(filter()).len() as u64))
+    }
+
+    fn kept(&self, op: Op) -> EventStream {
+        match op {
+            Op::Refractory => self.stream.refractory_filter(op::refractory::PERIOD_US.into()),
+            Op::BackgroundActivity => {
+                self.stream.background_activity_filter(op::background_activity::WITHIN_US.into())
+            }
+            Op::HotPixel => self.stream.hot_pixel_filter(op::hot_pixel::SIGMAS.into()),
+            _ => self.stream.clone(),
+        }
+    }
+}
+
+impl Library for EventCv {
+    fn ways(&self, op: Op, protocol: Protocol) -> Vec<Peer<'_>> {
+        match (op, protocol) {
+            (Op::Evt3Decode, Protocol::Whole) => self.decode_whole(),
+            (Op::Evt3Decode, Protocol::Stream) => self.decode_stream(),
+            (Op::Polarity, Protocol::Stream) => self.polarity_stream(),
+            (Op::Polarity | Op::Voxel5 | Op::TimeSurface, _) => vec![self.framed(op)],
+            (Op::Refractory | Op::BackgroundActivity | Op::HotPixel, _) => vec![self.filtered(op, protocol)],
+        }
+    }
+
+    fn events(&self, op: Op) -> Vec<Event> {
+        let stream = self.kept(op);
+        stream
+            .iter()
+            .map(|e| Event::new(e.timestamp as u32, e.x as u16, e.y as u16, polarity(e.polarity)))
+            .collect()
+    }
+
+    fn tensor(&self, op: Op) -> Vec<f32> {
+        match self.frame(op).map(EventFrame::into_data) {
+            Some(EventFrameData::U64(values)) => values.into_iter().map(|v| v as f32).collect(),
+            Some(EventFrameData::F32(values)) => values,
+            _ => Vec::new(),
+        }
+    }
+}
+
+/// What its reader pushes events into: one packet's columns, used again.
+struct Packet {
+    columns: Box<[(i64, u16, u16, bool)]>,
+    len: usize,
+    total: u64,
+}
+
+impl Packet {
+    fn new() -> Self {
+        Self { columns: vec![(0, 0, 0, false); PACKET_EVENTS].into_boxed_slice(), len: 0, total: 0 }
+    }
+}
+
+impl EventConsumer for Packet {
+    #[inline]
+    fn push(&mut self, x: u16, y: u16, t: i64, p: bool) {
+        self.columns[self.len] = (t, x, y, p);
+        self.len += 1;
+        self.total += 1;
+        if self.len == self.columns.len() {
+            black_box(&self.columns);
+            self.len = 0;
+        }
+    }
+}
+
+/// A recording of its own for the peer's reader; gone with the value.
+struct TemporaryFile(PathBuf);
+
+impl TemporaryFile {
+    fn with_words(words: &[u8]) -> Result<Self, String> {
+        let path = std::env::temp_dir().join(format!("lobula-report-{}.raw", std::process::id()));
+        let file = Self(path);
+        let content = [b"% evt 3.0\n".as_slice(), words].concat();
+        std::fs::write(&file.0, content).map_err(|e| format!("{}: {e}", file.0.display()))?;
+        Ok(file)
+    }
+}
+
+impl Drop for TemporaryFile {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+fn options(size: (usize, usize)) -> LoadOptions {
+    LoadOptions { sensor_size: Some(size), ..LoadOptions::default() }
+}
+
+fn peer<'a>(call: &str, work: Work<'a>) -> Peer<'a> {
+    Peer { name: format!("eventcv-core 1.0.11 {call}"), work, expected: None }
+}
+
+fn polarity(on: bool) -> lobula_core::Polarity {
+    lobula_core::Polarity::from_bit(on.into())
+}
+
+fn first(stream: &EventStream, events: usize) -> EventStream {
+    let (width, height) = stream.sensor_size();
+    let mut builder = EventStreamBuilder::with_capacity(width, height, stream.timestamp_scale_ms(), events);
+    for i in 0..events.min(stream.len()) {
+        builder.push(stream.xs()[i], stream.ys()[i], stream.ts()[i], stream.ps()[i]);
+    }
+    builder.build()
+}
