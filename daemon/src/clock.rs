@@ -21,6 +21,12 @@ pub fn sleep_until_ns(deadline_ns: u64) {
     };
 }
 
+/// Makes this thread's sleeps end when they should and not up to 50 µs later, as Linux allows itself by default.
+pub fn wake_punctually() {
+    // SAFETY: PR_SET_TIMERSLACK takes one number and touches no memory; failure leaves things as they were.
+    unsafe { libc::prctl(libc::PR_SET_TIMERSLACK, 1 as libc::c_ulong) };
+}
+
 const NS_PER_S: u64 = 1_000_000_000;
 
 #[cfg(test)]

@@ -254,11 +254,6 @@ impl Pipeline {
         self.decoder.counters()
     }
 
-    /// The filters, with what each removed.
-    pub fn chain(&self) -> &Chain {
-        &self.chain
-    }
-
     /// Packets handed out.
     pub fn packets(&self) -> u64 {
         self.sequence

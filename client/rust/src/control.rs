@@ -4,7 +4,8 @@
 //! The daemon speaks first, with its [`Banner`]. Then each [`Request`] is answered by one [`Reply`], in order. A
 //! connection is kept for life: its end tells the client that the daemon is gone, and the daemon that the client is.
 
-use crate::header::{ABI, ByteLedger, Dtype, EventLedger};
+use crate::header::{ABI, ByteLedger, EventLedger};
+use lobula_core::representation::Dtype;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -189,6 +190,8 @@ pub struct Status {
     pub packets: u64,
     /// Transfers the source had to hold back since the pipeline was behind.
     pub ring_full: u64,
+    /// Packets that the views did not get since they were behind.
+    pub views_missed: u64,
     /// Stream time in µs.
     pub stream_time_us: u64,
     /// Bytes a second over the last second.

@@ -6,6 +6,7 @@
 use bytemuck::{Pod, Zeroable};
 use core::ops::{BitOr, BitOrAssign};
 use iceoryx2::prelude::ZeroCopySend;
+use lobula_core::representation::Dtype;
 use lobula_core::{Event, Geometry};
 
 /// Version of everything a client and a daemon must agree on: headers, names, quality of service, control.
@@ -235,37 +236,14 @@ impl PacketHeader {
     }
 }
 
-/// Element of a tensor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[repr(u32)]
-pub enum Dtype {
-    /// Unsigned, 8 bits.
-    U8 = 1,
-    /// IEEE half precision.
-    F16 = 2,
-    /// IEEE single precision.
-    F32 = 3,
-}
-
-impl Dtype {
-    /// Bytes of an element.
-    pub const fn size(self) -> usize {
-        match self {
-            Self::U8 => 1,
-            Self::F16 => 2,
-            Self::F32 => 4,
-        }
-    }
-
-    /// The type of a code in a header.
-    pub const fn from_code(code: u32) -> Option<Self> {
-        match code {
-            1 => Some(Self::U8),
-            2 => Some(Self::F16),
-            3 => Some(Self::F32),
-            _ => None,
-        }
+/// The type of element of a code in a header.
+const fn dtype_from_code(code: u32) -> Option<Dtype> {
+    match code {
+        1 => Some(Dtype::U8),
+        2 => Some(Dtype::U16),
+        3 => Some(Dtype::F16),
+        4 => Some(Dtype::F32),
+        _ => None,
     }
 }
 
@@ -327,7 +305,7 @@ impl Default for TensorHeader {
 impl TensorHeader {
     /// Type of an element; none if the header is broken.
     pub const fn dtype(&self) -> Option<Dtype> {
-        Dtype::from_code(self.dtype)
+        dtype_from_code(self.dtype)
     }
 
     /// Properties.
@@ -339,7 +317,7 @@ impl TensorHeader {
     pub fn bytes(&self) -> usize {
         let elements = self.shape.iter().try_fold(1usize, |n, extent| n.checked_mul(*extent as usize));
         match (elements, self.dtype()) {
-            (Some(elements), Some(dtype)) => elements.checked_mul(dtype.size()).unwrap_or(0),
+            (Some(elements), Some(dtype)) => elements.checked_mul(dtype.bytes()).unwrap_or(0),
             _ => 0,
         }
     }
@@ -387,6 +365,14 @@ mod sendable {
 mod tests {
     use super::*;
     use core::mem::offset_of;
+
+    #[test]
+    fn types_of_element_have_fixed_codes() {
+        for dtype in [Dtype::U8, Dtype::U16, Dtype::F16, Dtype::F32] {
+            assert_eq!(dtype_from_code(dtype as u32), Some(dtype));
+        }
+        assert_eq!((dtype_from_code(0), dtype_from_code(5)), (None, None));
+    }
 
     #[test]
     fn layouts_are_fixed() {

@@ -31,9 +31,10 @@ pub use client::{Client, ClientOptions, SubscribeOptions, Wake};
 pub use error::Error;
 pub use events::{EventSubscriber, Packet};
 pub use header::{
-    ABI, ByteLedger, ClockMap, Dtype, EventLedger, Flags, Line, PacketHeader, ShmEvent, Stamps, TensorHeader,
+    ABI, ByteLedger, ClockMap, EventLedger, Flags, Line, PacketHeader, ShmEvent, Stamps, TensorHeader,
 };
 pub use instance::Root;
 pub use qos::{PACKET_EVENTS_MAX, Qos};
+pub use lobula_core::representation::Dtype;
 pub use stream::{Stream, check_name};
 pub use views::{Tensor, ViewSubscriber};

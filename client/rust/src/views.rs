@@ -113,7 +113,7 @@ impl Tensor {
     /// # }
     /// ```
     pub fn elements<P: bytemuck::Pod>(&self) -> Option<&[P]> {
-        (size_of::<P>() == self.header().dtype()?.size())
+        (size_of::<P>() == self.header().dtype()?.bytes())
             .then(|| bytemuck::try_cast_slice(self.bytes()).ok())?
     }
 

@@ -11,7 +11,7 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::port::{BackpressureAction, BackpressureInfo, LoanError};
 use iceoryx2::prelude::{BackpressureStrategy, ZeroCopySend};
 use iceoryx2::sample_mut::SampleMut;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// How long a lossless stream waits for its slowest client: until it reads, is known to be gone, or all stops.
 #[derive(Debug, Default)]
@@ -28,12 +28,21 @@ impl Patience {
 
     /// Waits no longer for the client with this port.
     pub fn forget(&self, port: u128) {
-        self.gone.lock().unwrap_or_else(PoisonError::into_inner).push(port);
+        self.gone().push(port);
+    }
+
+    /// Waits for the client with this port again.
+    pub fn remember(&self, port: u128) {
+        self.gone().retain(|gone| *gone != port);
+    }
+
+    fn gone(&self) -> MutexGuard<'_, Vec<u128>> {
+        self.gone.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn decide(&self, info: &BackpressureInfo) -> BackpressureAction {
         let hopeless = self.given_up.load(Ordering::Acquire)
-            || self.gone.lock().unwrap_or_else(PoisonError::into_inner).contains(&info.receiver_port_id);
+            || self.gone().contains(&info.receiver_port_id);
         if hopeless { BackpressureAction::DiscardData } else { BackpressureAction::Retry }
     }
 }
