@@ -31,7 +31,7 @@ mod portable;
 mod tests;
 
 pub use kernel::Kernel;
-use kernel::Steady;
+use kernel::{Chosen, Steady};
 
 const ADDR_Y: u16 = 0x0;
 const ADDR_X: u16 = 0x2;
@@ -102,7 +102,7 @@ struct State {
 #[derive(Clone, Debug)]
 pub struct Decoder {
     geometry: Geometry,
-    kernel: Kernel,
+    kernel: Chosen,
     state: State,
     /// The first byte of a word whose second has not come.
     carry: Option<u8>,
@@ -118,7 +118,7 @@ impl Decoder {
     /// The same with a kernel of choice; one that this CPU lacks is replaced by the best that it has.
     pub fn with_kernel(geometry: Geometry, kernel: Kernel) -> Self {
         let state = State { clock: Clock::Unset, high: Unwrap::near(0), time: 0, row: None, base: None };
-        Self { geometry, kernel, state, carry: None, counters: Counters::default() }
+        Self { geometry, kernel: kernel.choose(), state, carry: None, counters: Counters::default() }
     }
 
     /// Decodes whole words and returns how many: steady stretches by the kernel, what comes between them one by one.

@@ -19,60 +19,43 @@ const ON_SHIFT: u32 = 63;
 const X: u64 = 0xFFFF << X_SHIFT;
 const ON: u64 = 1 << ON_SHIFT;
 
-/// Something for each type of word.
-type ByType<T> = [T; 16];
-
-/// Where the payload goes: a factor is a sum of shifts.
-const SPREAD: ByType<u64> = by_type([
-    (ADDR_Y, 1 << Y_SHIFT),
-    (ADDR_X, 1 << X_SHIFT | 1 << (ON_SHIFT - POLARITY_SHIFT)),
-    (TIME_LOW, 1),
-]);
-/// Which bits of the event it replaces.
-const TAKEN: ByType<u64> = by_type([
-    (ADDR_Y, (COORDINATE as u64) << Y_SHIFT),
-    (ADDR_X, (COORDINATE as u64) << X_SHIFT | ON),
-    (TIME_LOW, PAYLOAD as u64),
-]);
-const KEPT: ByType<u64> = {
-    let mut kept = TAKEN;
-    let mut i = 0;
-    while i < kept.len() {
-        kept[i] = !kept[i];
-        i += 1;
-    }
-    kept
-};
-/// How many events it completes.
-const ADDS: ByType<u64> = by_type([(ADDR_X, 1), (ADDR_Y, 0), (TIME_LOW, 0)]);
-
-const fn by_type(entries: [(u16, u64); 3]) -> ByType<u64> {
-    let mut table = [0; 16];
-    let mut i = 0;
-    while i < entries.len() {
-        table[entries[i].0 as usize] = entries[i].1;
-        i += 1;
-    }
-    table
+/// What each type of word does to the event that is next. An array each, and not an array of these: so they are
+/// found without arithmetic.
+struct Effects {
+    /// Where the payload goes: a factor is a sum of shifts.
+    spread: [u64; 16],
+    /// Which bits of the event it replaces.
+    taken: [u64; 16],
+    /// How many events it completes.
+    adds: [usize; 16],
+    /// The first coordinate that is not for the branch-free path: 0 sends every word of the type to [`Vectors`], or
+    /// ends the stretch.
+    limit: [usize; 16],
 }
 
-/// The first coordinate that is not for the branch-free path: 0 sends every word of a type to [`exceptional`].
-fn limits(geometry: Geometry) -> ByType<u16> {
-    let mut limits = [0; 16];
-    let always = COORDINATE + 1;
-    for (kind, limit) in [
-        (ADDR_Y, geometry.height),
-        (ADDR_X, geometry.width),
-        (TIME_LOW, always),
-        (OTHERS, always),
-        (CONTINUED_4, always),
-        (CONTINUED_12, always),
-    ] {
-        if let Some(entry) = limits.get_mut(usize::from(kind)) {
-            *entry = limit;
-        }
+impl Effects {
+    fn new(geometry: Geometry) -> Self {
+        const ALWAYS: usize = COORDINATE as usize + 1;
+        const COORDINATE_64: u64 = COORDINATE as u64;
+        let mut effects = Self { spread: [0; 16], taken: [0; 16], adds: [0; 16], limit: [0; 16] };
+        effects.set(ADDR_Y, geometry.height.into(), 1 << Y_SHIFT, COORDINATE_64 << Y_SHIFT);
+        let single = 1 << X_SHIFT | 1 << (ON_SHIFT - POLARITY_SHIFT);
+        effects.set(ADDR_X, geometry.width.into(), single, COORDINATE_64 << X_SHIFT | ON);
+        effects.set(TIME_LOW, ALWAYS, 1, PAYLOAD.into());
+        effects.set(OTHERS, ALWAYS, 0, 0);
+        effects.set(CONTINUED_4, ALWAYS, 0, 0);
+        effects.set(CONTINUED_12, ALWAYS, 0, 0);
+        effects.adds[usize::from(ADDR_X)] = 1;
+        effects
     }
-    limits
+
+    #[inline(always)]
+    fn set(&mut self, kind: u16, limit: usize, spread: u64, taken: u64) {
+        let kind = usize::from(kind & 15);
+        self.limit[kind] = limit;
+        self.spread[kind] = spread;
+        self.taken[kind] = taken;
+    }
 }
 
 fn pack(time: u32, x: u16, y: u16, polarity: Polarity) -> u64 {
@@ -95,12 +78,12 @@ fn unpack(event: u64) -> Event {
     Event::new(event as u32, x_of(event), y_of(event), polarity_of(event))
 }
 
-/// See [`Kernel::run`](super::Kernel).
-pub(super) fn run(state: &mut Steady, words: &[[u8; 2]], out: &mut [Event]) -> Done {
+/// See [`Chosen::run`](super::kernel::Chosen).
+pub fn run(state: &mut Steady, words: &[[u8; 2]], out: &mut [Event]) -> Done {
     if state.row >= state.geometry.height {
         return Done::default(); // columns alone are compared with the limits
     }
-    let limits = limits(state.geometry);
+    let effects = Effects::new(state.geometry);
     let mut vectors = Vectors::new(state);
     let mut event = pack(state.time, 0, state.row, Polarity::Off);
     let mut events = 0;
@@ -109,14 +92,14 @@ pub(super) fn run(state: &mut Steady, words: &[[u8; 2]], out: &mut [Event]) -> D
         let Some(slot) = out.get_mut(events) else { break };
         let word = u16::from_le_bytes(*bytes);
         let kind = usize::from(word >> 12);
-        if word & COORDINATE >= limits[kind] {
+        if usize::from(word & COORDINATE) >= effects.limit[kind] {
             if word != state.repeated && !vectors.take(word, event, out, &mut events) {
                 break;
             }
         } else {
-            event = event & KEPT[kind] | u64::from(word).wrapping_mul(SPREAD[kind]) & TAKEN[kind];
+            event ^= (event ^ u64::from(word).wrapping_mul(effects.spread[kind])) & effects.taken[kind];
             *slot = unpack(event);
-            events += ADDS[kind] as usize;
+            events += effects.adds[kind];
         }
         rest = tail;
     }
@@ -133,13 +116,16 @@ struct Vectors {
 }
 
 impl Vectors {
+    /// Bases beyond are left to the decoder, so that the next one fits the field.
+    const BASE_MAX: u16 = 0xF000;
+
     fn new(state: &Steady) -> Self {
         let base = state.base.map(|(x, polarity)| pack(0, x, 0, polarity));
-        Self { base, width: state.geometry.width }
+        Self { base, width: state.geometry.width.min(Self::BASE_MAX) }
     }
 
-    /// Takes a word of a vector. False, and nothing is done, when it is none, lacks a base or room, or may reach
-    /// beyond the sensor.
+    /// Takes a word of a vector. False, and nothing is done, when it is none, lacks a base or room, or reaches beyond
+    /// the sensor.
     #[inline]
     fn take(&mut self, word: u16, event: u64, out: &mut [Event], events: &mut usize) -> bool {
         let (mask, columns) = match word >> 12 {
@@ -151,16 +137,11 @@ impl Vectors {
             VECT_8 => (word & 0xFF, 8),
             _ => return false,
         };
-        let Some(base) = self.base.filter(|base| u32::from(x_of(*base)) + columns <= self.width.into())
-        else {
-            return false;
-        };
-        let Some(slots) = out.get_mut(*events..).and_then(|out| out.first_chunk_mut::<WORD_EVENTS_MAX>())
-        else {
-            return false;
-        };
+        let end = |base: u64| u32::from(x_of(base)) + u16::BITS - mask.leading_zeros();
+        let Some(base) = self.base.filter(|base| end(*base) <= self.width.into()) else { return false };
+        let Some(slots) = out.get_mut(*events..).and_then(|out| out.first_chunk_mut()) else { return false };
         *events += expand(mask, event & !(X | ON) | base, slots);
-        self.base = Some(base + (u64::from(columns) << X_SHIFT));
+        self.base = Some(base + (columns << X_SHIFT));
         true
     }
 }

@@ -342,10 +342,11 @@ proptest! {
         pieces in prop::collection::vec(prop_oneof![1..50usize, 50..2000usize], 1..8),
         room in prop_oneof![12..200usize, 200..3000usize],
         triggers in 1..4usize,
+        geometry in prop::sample::select(vec![HD, HD, FULL, Geometry::new(u16::MAX, u16::MAX), Geometry::new(37, 20)]),
         gap in prop::option::of((any::<prop::sample::Index>(), prop::option::of(0..1u64 << 36))),
     ) {
         let run = |kernel, pieces: &[usize], room, triggers| {
-            let mut decoder = Decoder::with_kernel(HD, kernel);
+            let mut decoder = Decoder::with_kernel(geometry, kernel);
             let (before, after) = bytes.split_at(gap.map_or(0, |(at, _)| at.index(bytes.len() + 1)));
             let first = decode_in(&mut decoder, before, pieces, room, triggers);
             if let Some((_, near)) = gap {
@@ -370,7 +371,9 @@ fn any_bytes() -> impl Strategy<Value = Vec<u8>> {
     ];
     let payload = prop_oneof![3 => 0..0x1000u16, 1 => 0..8u16];
     let any_word = (kind, payload).prop_map(|(kind, payload)| vec![word(kind, payload)]);
-    let stretch = prop::collection::vec(prop_oneof![any_word, likely_words()], 0..400);
+    let vectors = (VECT_12..=VECT_8, 0..8000usize).prop_map(|(kind, n)| vec![word(kind, 0); n]); // far off
+    let some_word = prop_oneof![200 => any_word, 200 => likely_words(), 1 => vectors];
+    let stretch = prop::collection::vec(some_word, 0..400);
     let likely = prop::collection::vec(likely_words(), 0..400);
     let start = prop::sample::select(vec![vec![], vec![0x8001, 0x0000], vec![0x8FFF, 0x0000, 0x3000]]);
     (start, prop_oneof![stretch, likely]).prop_map(|(start, words)| {
