@@ -1,1 +1,3 @@
 //! One binary of end-to-end tests.
+
+mod proof;

@@ -1,0 +1,107 @@
+//! Every representation of [`lobula_core::for_each_representation`], alone and cut by a slicer.
+
+use crate::export;
+use crate::export::{Export, slice_mut};
+use lobula_core::representation::{BadRepresentation, Build, Parameters};
+use lobula_core::{
+    BadPeriod, Geometry, Piece, Representation, Shape, Slicer, Span, Window, WrongGeometry,
+    for_each_representation,
+};
+
+type State = &'static mut [u32];
+
+unsafe fn make<R: Build<State>>(
+    at: *mut R,
+    parameters: *const Parameters,
+    geometry: Geometry,
+    state: (*mut u32, usize),
+) -> Result<Shape, BadRepresentation> {
+    // SAFETY: the caller's promise.
+    let made = unsafe { R::build(&*parameters, geometry, slice_mut(state.0, state.1)) }?;
+    let shape = made.shape();
+    // SAFETY: the caller's promise.
+    unsafe { at.write(made) };
+    Ok(shape)
+}
+
+fn lens<R: Build<State>>(geometry: Geometry, shape: Shape) -> (usize, usize) {
+    (R::state_len(geometry), shape.len())
+}
+
+unsafe fn begin<R: Representation>(stage: *mut R, window: Window, out: (*mut R::Pixel, usize)) {
+    // SAFETY: the caller's promise.
+    unsafe { (*stage).begin(window, slice_mut(out.0, out.1)) }
+}
+
+unsafe fn accumulate<R: Representation>(
+    stage: *mut R,
+    span: *const Span<'_>,
+    out: (*mut R::Pixel, usize),
+) -> Result<(), WrongGeometry> {
+    // SAFETY: the caller's promise.
+    unsafe { (*stage).accumulate(*span, slice_mut(out.0, out.1)) }
+}
+
+unsafe fn finish<R: Representation>(stage: *mut R, out: (*mut R::Pixel, usize)) {
+    // SAFETY: the caller's promise.
+    unsafe { (*stage).finish(slice_mut(out.0, out.1)) }
+}
+
+/// A view as firmware would drive it.
+unsafe fn view<R: Representation>(
+    stage: *mut R,
+    slicer: *mut Slicer,
+    span: *const Span<'_>,
+    now: u64,
+    out: (*mut R::Pixel, usize),
+    done: extern "C" fn(u64, u64),
+) {
+    // SAFETY: the caller's promise.
+    let (stage, slicer, span, out) = unsafe { (&mut *stage, &mut *slicer, *span, slice_mut(out.0, out.1)) };
+    let mut each = |piece: Piece<'_>| match piece {
+        Piece::Begin(window) => stage.begin(window, out),
+        Piece::Events(span) => {
+            let _ = stage.accumulate(span, out);
+        }
+        Piece::End(closed) => {
+            stage.finish(out);
+            done(closed.window.t1, closed.events);
+        }
+    };
+    slicer.push(span, &mut each);
+    slicer.advance(now, &mut each);
+}
+
+unsafe fn end(slicer: *mut Slicer, now: u64, done: extern "C" fn(u64, u64)) {
+    let each = |piece: Piece<'_>| {
+        if let Piece::End(closed) = piece {
+            done(closed.window.t1, closed.late);
+        }
+    };
+    // SAFETY: the caller's promise.
+    unsafe { (*slicer).finish(now, each) }
+}
+
+unsafe fn slicer(at: *mut Slicer, period_us: u32) -> Result<(), BadPeriod> {
+    // SAFETY: the caller's promise.
+    Slicer::try_new(period_us).map(|slicer| unsafe { at.write(slicer) })
+}
+
+macro_rules! representations {
+    ($($variant:ident $kind:ident $type:ty;)+) => {
+        pub const EXPORTS: &[Export] = &[
+            export!(slicer),
+            export!(end),
+            $(
+                export!(make::<$type>),
+                export!(lens::<$type>),
+                export!(begin::<$type>),
+                export!(accumulate::<$type>),
+                export!(finish::<$type>),
+                export!(view::<$type>),
+            )+
+        ];
+    };
+}
+
+for_each_representation!(representations, State);
