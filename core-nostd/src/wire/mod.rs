@@ -7,6 +7,8 @@ mod carry;
 pub mod evt2;
 pub mod evt21;
 pub mod evt3;
+#[cfg(test)]
+mod testing;
 mod time_high;
 
 use crate::{Counters, Decode, Encode, Encoded, Geometry, Sink, Span, Trigger};
