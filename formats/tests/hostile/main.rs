@@ -3,7 +3,7 @@
 
 use lobula_core::wire::Encoding;
 use lobula_core::{Event, Geometry, Polarity, Span};
-use lobula_formats::{RawWriter, Summary, WithDigest, WriteOptions, open};
+use lobula_formats::{OpenOptions, RawWriter, Summary, WithDigest, WriteOptions, open, open_with};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -41,14 +41,20 @@ const BYTES_MAX: usize = 64 << 20;
 /// One at a time: the peak is the process's.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// Runs `job` and checks the most memory it took above what was in use before.
-fn bounded<T>(job: impl FnOnce() -> T) -> T {
+/// Runs `job`; the most memory it took above what was in use before.
+fn peak(job: impl FnOnce()) -> usize {
     let before = IN_USE.load(Relaxed);
     PEAK.store(before, Relaxed);
-    let done = job();
-    let peak = PEAK.load(Relaxed) - before;
+    job();
+    PEAK.load(Relaxed) - before
+}
+
+/// Runs `job` and checks its memory.
+fn bounded<T>(job: impl FnOnce() -> T) -> T {
+    let mut done = None;
+    let peak = peak(|| done = Some(job()));
     assert!(peak <= BYTES_MAX, "{peak} bytes above the start");
-    done
+    done.unwrap()
 }
 
 /// Opens and reads to the end, by blocks and by a slice: an error that says where, or every byte in one count.
@@ -104,6 +110,38 @@ fn every_prefix() {
         }
         assert_eq!(events_before, 480, "{encoding}");
     }
+}
+
+/// A file of 40 MB is written, read, indexed and sliced in the memory of one of 1 MB, and within the index's limit.
+#[test]
+fn memory_does_not_grow_with_the_file() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let folder = tempfile::tempdir_in(memory()).unwrap();
+    let path = folder.path().join("long.raw");
+    let geometry = Geometry::new(1280, 720);
+    let (mut options, limit) = (OpenOptions::default(), 16 << 10);
+    options.limits.index_bytes_max = limit;
+    let peak = peak(|| {
+        let mut writer =
+            RawWriter::create(&path, Encoding::Evt2, geometry, &WriteOptions::default()).unwrap();
+        for second in 0..1_000u32 {
+            let events: Vec<_> =
+                (0..10_000).map(|i| Event::new(second * 1_000_000 + i * 100, 1, 2, Polarity::On)).collect();
+            let (t_first, t_last) = (u64::from(second) * 1_000_000, u64::from(second) * 1_000_000 + 999_900);
+            writer.write(Span { t_first, t_last, geometry, events: &events }).unwrap();
+        }
+        assert!(writer.finish().unwrap().bytes > 40_000_000);
+        let recording = open_with(&path, &options).unwrap();
+        assert_eq!(Summary::of(&recording, WithDigest::No).unwrap().events, 10_000_000);
+        let mut slice = recording.slice_time(777_000_000..778_000_000).unwrap();
+        let mut events = 0;
+        while let Some(chunk) = slice.next_block().unwrap() {
+            events += chunk.block.len();
+        }
+        assert_eq!(events, 10_000);
+        assert!(recording.index().unwrap().bytes() <= limit);
+    });
+    assert!(peak < 1 << 20, "{peak} bytes");
 }
 
 /// xorshift: the same mutations in every run.

@@ -3,7 +3,9 @@
 use super::{All, events_of, everything};
 use lobula_core::wire::{Encoding, WordOrder};
 use lobula_core::{Event, Geometry, Polarity, Span, Trigger};
-use lobula_formats::{Limits, OpenOptions, RawWriter, Recording, WriteOptions, open, open_with};
+use lobula_formats::{
+    Limits, OpenOptions, RawWriter, Recording, Summary, WithDigest, WriteOptions, open, open_with,
+};
 use lobula_tests::data;
 use proptest::prelude::*;
 use std::ops::Range;
@@ -154,6 +156,8 @@ proptest! {
             options.limits = index_limit(if coarse { 0 } else { 8 << 20 });
             let recording = open_with(&path, &options).unwrap();
             prop_assert!(events_of(&recording) == events, "{}", encoding);
+            let back = events.windows(2).filter(|pair| pair[1].0 < pair[0].0).count() as u64;
+            prop_assert_eq!(Summary::of(&recording, WithDigest::No).unwrap().steps_back, back);
             Whole::of(&recording).check_many(&recording, 4);
         }
     }

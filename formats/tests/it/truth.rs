@@ -1,7 +1,8 @@
 //! Real recordings give what other programs found in them (data/truth.json).
 
-use lobula_core::Polarity;
-use lobula_formats::{Summary, WithDigest, open};
+use lobula_core::wire::AnyDecoder;
+use lobula_core::{Decode, Event, Polarity, Sink};
+use lobula_formats::{Digest, Summary, WithDigest, open};
 use lobula_tests::data;
 use serde_json::Value;
 
@@ -37,6 +38,38 @@ fn every_byte_is_in_one_count() {
         let summary = Summary::of(&recording, WithDigest::No).unwrap();
         assert_eq!(summary.bytes_decoded + summary.bytes_faulty, payload.end - payload.start, "{file}");
         assert_eq!(summary.off_sensor, 0, "{file}");
+    }
+}
+
+/// What a live source does: the bytes in transfers of any length through a decoder.
+#[test]
+fn the_payload_decodes_to_the_blocks() {
+    for file in FILES {
+        let Some(path) = data(file) else { return };
+        let recording = open(path).unwrap();
+        let mut payload = recording.payload().unwrap();
+        let geometry = payload.geometry().unwrap();
+        for _twice in 0..2 {
+            let mut decoder = AnyDecoder::new(payload.encoding(), geometry);
+            let (mut transfer, mut memory) = (vec![0; 10_007], vec![Event::default(); 4096]);
+            let mut digest = Digest::default();
+            loop {
+                let len = payload.read(&mut transfer).unwrap();
+                let mut rest = &transfer[..len];
+                while !rest.is_empty() {
+                    let mut sink = Sink::new(&mut memory);
+                    rest = &rest[decoder.decode(rest, &mut sink)..];
+                    digest.update(sink.block(geometry).span());
+                }
+                if len == 0 {
+                    break;
+                }
+            }
+            let expected = Summary::of(&recording, WithDigest::Yes).unwrap().sha256;
+            assert_eq!(Some(digest.finish()), expected, "{file}");
+            assert_eq!(payload.position(), payload.range().end);
+            payload.rewind();
+        }
     }
 }
 
