@@ -2,7 +2,7 @@
 
 use crate::source::SourceSpec;
 use lobula_core::Geometry;
-use lobula_core::chain::{Chain, Spec, View, ViewSpec};
+use lobula_core::chain::{Chain, ChainCause, Spec, View, ViewSpec};
 use lobula_core::simulation::SceneSpec;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -95,7 +95,12 @@ impl Config {
         }
         // The size of the sensor is not known before the source is open, and settings must not depend on it: any will do.
         let any = Geometry::new(64, 64);
-        Chain::try_new(&self.filters, any).map_err(|error| error.to_string())?;
+        if let Err(error) = Chain::try_new(&self.filters, any) {
+            // Where pixels are named, only the real size tells.
+            if !matches!(error.cause, ChainCause::PixelOffSensor { .. }) {
+                return Err(error.to_string());
+            }
+        }
         for view in &self.views {
             View::try_new(view, any).map_err(|error| format!("view {:?}: {error}", view.name))?;
         }
@@ -172,6 +177,12 @@ mod tests {
     fn the_packaged_example_is_valid() {
         let config = parse(include_str!("../packaging/lobulad.toml")).unwrap();
         assert!(!config.filters.filters.is_empty() && config.views.len() == 2);
+    }
+
+    #[test]
+    fn hot_pixels_may_be_anywhere_on_the_real_sensor() {
+        let text = "[[filter]]\nkind = \"denoise\"\nhot_pixels = [[1279, 719]]";
+        assert!(parse(text).is_ok(), "{text}");
     }
 
     #[test]

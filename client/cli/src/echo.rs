@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::args::EchoArgs;
 use crate::output::{json, line};
-use lobula_client::{Client, ClientOptions, Dtype, Packet, Stream, SubscribeOptions, Tensor};
+use lobula_client::{Client, Dtype, Packet, Stream, SubscribeOptions, Tensor};
 use lobula_core::f16;
 use lobula_formats::Digest;
 use serde::Serialize;
@@ -14,7 +14,7 @@ use std::time::Duration;
 
 /// Subscribes and prints until the count is reached or the source ends.
 pub fn run(args: &EchoArgs) -> Result<(), Failure> {
-    let client = Client::connect(ClientOptions::default().name("lobula echo"))?;
+    let client = crate::connect(args.root.as_deref(), "echo")?;
     let view = (args.stream != "events").then(|| args.stream.trim_start_matches("view/"));
     let stream = view.map_or_else(Stream::events, Stream::view);
     // A daemon offers a stream either live or as a lossless replay: take what there is.
@@ -160,6 +160,7 @@ fn window(tensor: &Tensor) -> Window {
     let header = tensor.header();
     let (min, max, mean) = match header.dtype() {
         Some(Dtype::U8) => range(tensor.elements::<u8>().unwrap_or_default().iter().map(|v| *v as f64)),
+        Some(Dtype::U16) => range(tensor.elements::<u16>().unwrap_or_default().iter().map(|v| *v as f64)),
         Some(Dtype::F16) => range(tensor.elements::<f16>().unwrap_or_default().iter().map(|v| v.to_f64())),
         Some(Dtype::F32) => range(tensor.elements::<f32>().unwrap_or_default().iter().map(|v| *v as f64)),
         None => (0.0, 0.0, 0.0),

@@ -6,6 +6,8 @@
 //! ```text
 //!  args ─▶ info                          a file                  (lobula-formats)
 //!       ─▶ status, top, echo             a daemon                (lobula-client)
+//!       ─▶ serve                         the daemon, in process  (lobulad)
+//!       ─▶ demo ─▶ children: serve, demo-reader, demo-floor      the main job, proved on screen
 //! ```
 
 pub mod args;
@@ -18,10 +20,15 @@ mod echo;
 mod status;
 mod top;
 
+mod serve;
+
+mod demo;
+
 pub use failure::Failure;
 
 use args::{Args, Command};
 use clap::Parser;
+use lobula_client::{Client, ClientOptions, Root};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
@@ -47,12 +54,25 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
 }
 
+/// A connection to the daemon that a subcommand asks.
+fn connect(root: Option<&std::path::Path>, name: &str) -> Result<Client, Failure> {
+    let options = ClientOptions::default().name(format!("lobula {name}"));
+    Ok(Client::connect(match root {
+        Some(root) => options.root(Root::new(root)?),
+        None => options,
+    })?)
+}
+
 fn run(command: Command) -> Result<ExitCode, Failure> {
     match command {
         Command::Info(args) => info::run(&args),
         Command::Status(args) => status::run(&args),
         Command::Top(args) => top::run(&args),
         Command::Echo(args) => echo::run(&args),
+        Command::Serve(args) => return serve::run(&args),
+        Command::Demo(args) => demo::run(&args),
+        Command::DemoReader(args) => demo::reader::run(&args),
+        Command::DemoFloor(args) => demo::floor::run(&args),
     }?;
     Ok(ExitCode::SUCCESS)
 }

@@ -4,11 +4,10 @@ use crate::Failure;
 use crate::args::StatusArgs;
 use crate::output::{duration, json, line, thousands};
 use lobula_client::control::Status;
-use lobula_client::{Client, ClientOptions};
 
 /// Asks the daemon and prints its answer.
 pub fn run(args: &StatusArgs) -> Result<(), Failure> {
-    let status = Client::connect(ClientOptions::default().name("lobula status"))?.status()?;
+    let status = crate::connect(args.root.as_deref(), "status")?.status()?;
     if args.json {
         return json(&status);
     }

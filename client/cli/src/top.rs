@@ -5,14 +5,14 @@ use crate::output::{json, line};
 use crate::{Failure, status};
 use crossterm::cursor::MoveTo;
 use crossterm::terminal::{Clear, ClearType};
-use lobula_client::{Client, ClientOptions, Error};
+use lobula_client::Error;
 use std::io::{IsTerminal, Write, stdout};
 use std::thread::sleep;
 use std::time::Duration;
 
 /// Asks the daemon each interval until the count is reached or the user ends it.
 pub fn run(args: &TopArgs) -> Result<(), Failure> {
-    let client = Client::connect(ClientOptions::default().name("lobula top"))?;
+    let client = crate::connect(args.root.as_deref(), "top")?;
     let on_screen = !args.json && stdout().is_terminal();
     for turn in 0..args.count.unwrap_or(u64::MAX) {
         if turn > 0 {

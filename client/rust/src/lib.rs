@@ -34,7 +34,7 @@ pub use header::{
     ABI, ByteLedger, ClockMap, EventLedger, Flags, Line, PacketHeader, ShmEvent, Stamps, TensorHeader,
 };
 pub use instance::Root;
-pub use qos::{PACKET_EVENTS_MAX, Qos};
 pub use lobula_core::representation::Dtype;
+pub use qos::{PACKET_EVENTS_MAX, Qos};
 pub use stream::{Stream, check_name};
 pub use views::{Tensor, ViewSubscriber};

@@ -1,5 +1,7 @@
 //! The tool as users run it: processes, exit codes, output.
 #![allow(clippy::unwrap_used)] // helpers of tests may too
 
+mod clients;
+mod demo;
 mod info;
 mod tool;

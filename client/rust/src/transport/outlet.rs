@@ -41,8 +41,7 @@ impl Patience {
     }
 
     fn decide(&self, info: &BackpressureInfo) -> BackpressureAction {
-        let hopeless = self.given_up.load(Ordering::Acquire)
-            || self.gone().contains(&info.receiver_port_id);
+        let hopeless = self.given_up.load(Ordering::Acquire) || self.gone().contains(&info.receiver_port_id);
         if hopeless { BackpressureAction::DiscardData } else { BackpressureAction::Retry }
     }
 }
