@@ -63,6 +63,15 @@ const fn word(kind: u16, payload: u16) -> u16 {
     kind << 12 | payload & PAYLOAD
 }
 
+/// The bits of a mask that are 1, upwards.
+fn ones(mut mask: u32) -> impl Iterator<Item = u32> {
+    core::iter::from_fn(move || {
+        let lowest = (mask != 0).then_some(mask.trailing_zeros())?;
+        mask &= mask - 1;
+        Some(lowest)
+    })
+}
+
 /// What a decoder knows of stream time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Clock {
@@ -201,14 +210,18 @@ impl Decoder {
         }
         let Some(y) = self.state.row else { return Outcome::Faulty(Fault::BeforeRow) };
         let time = self.state.time;
-        let columns = (0..16).filter(|i| mask >> i & 1 == 1).map(|i| x.saturating_add(i));
-        let columns_on = columns.filter(|x| self.geometry.contains(*x, y));
-        if columns_on.clone().next().is_some() && !sink.admits(time) {
+        let on_sensor = |i: u32| self.geometry.contains(x.saturating_add(i as u16), y);
+        if mask != 0 && on_sensor(mask.trailing_zeros()) && !sink.admits(time) {
             return Outcome::NoRoom;
         }
-        let pushed = columns_on.map(|x| sink.push(time, Event::new(time as u32, x, y, polarity))).count();
-        self.counters.events += u64::from(mask.count_ones());
-        self.counters.off_sensor += u64::from(mask.count_ones()) - pushed as u64;
+        let mut pushed = 0;
+        for i in ones(mask.into()).take_while(|i| on_sensor(*i)) {
+            let event = Event::new(time as u32, x.saturating_add(i as u16), y, polarity);
+            pushed += u64::from(sink.push(time, event));
+        }
+        let events = u64::from(mask.count_ones());
+        self.counters.events += events;
+        self.counters.off_sensor += events - pushed;
         Outcome::Decoded
     }
 
@@ -381,11 +394,14 @@ pub struct Encoder {
     carry: Option<u8>,
 }
 
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Mirror {
+    /// Bits 12 and up of the time.
     high: Option<u64>,
-    low: Option<u16>,
-    row: Option<u16>,
+    /// The time, once its TIME_LOW has followed.
+    time: Option<u64>,
+    /// The row, [`Mirror::NO_ROW`] before the first: looked at for every event, which an option would make two looks.
+    row: u16,
     /// Column and polarity of the next vector, as long as time and row stay.
     base: Option<(u16, Polarity)>,
 }
@@ -402,12 +418,12 @@ struct Run {
     mask: u32,
 }
 
-/// Words to be written at a time: at most ADDR_Y and four more.
-#[derive(Clone, Debug, Default)]
+/// Words to be written once a decoder knows their time: at most ADDR_Y and four more.
+#[derive(Clone, Copy, Debug, Default)]
 struct Owed {
     t: u64,
-    words: [u16; 5],
-    next: usize,
+    /// The words, the first one lowest.
+    words: u128,
     len: usize,
 }
 
@@ -441,66 +457,116 @@ impl Encoder {
         (high < before && wraps).then_some(Refused::StepBack { from, to: t })
     }
 
-    /// Takes an event into the open run or a new one. False when words of the last one are still owed.
-    fn take(&mut self, t: u64, event: Event, slots: &mut SlotsMut<'_>) -> bool {
-        if self.open.as_mut().is_some_and(|run| run.join(t, event)) {
-            return true;
-        }
-        let flushed = self.flush(slots);
-        if flushed {
-            if self.t_last != Some(t) || self.decoder.row != Some(event.y()) {
-                self.decoder.base = None;
-            }
-            self.open = Some(Run { t, y: event.y(), polarity: event.polarity(), x: event.x(), mask: 1 });
-            self.t_last = Some(t);
-        }
-        flushed
+    /// Adds an event to the open run, if it belongs to it.
+    #[inline]
+    fn join(&mut self, t: u64, event: Event) -> bool {
+        self.open.as_mut().is_some_and(|run| run.join(t, event))
     }
 
-    /// Closes the open run and writes everything. False when `slots` end before it does.
-    fn flush(&mut self, slots: &mut SlotsMut<'_>) -> bool {
-        if !self.drain(slots) {
+    /// Opens a run, after the one before was flushed.
+    #[inline]
+    fn open(&mut self, t: u64, event: Event) {
+        let run = Run { t, y: event.y(), polarity: event.polarity(), x: event.x(), mask: 1 };
+        if self.t_last != Some(t) || self.decoder.row != run.y {
+            self.decoder.base = None;
+        }
+        self.open = Some(run);
+        self.t_last = Some(t);
+    }
+
+    /// Closes and writes the open run in the most likely case: a single event, of a time that is told. False, and
+    /// nothing is done, in any other.
+    #[inline]
+    fn flush_single(&mut self, out: &mut Out<'_>) -> bool {
+        let Some(run) = self.open.filter(|run| run.mask == 1 && self.decoder.time == Some(run.t)) else {
+            return false;
+        };
+        if self.owed.len > 0 || self.carry.is_some() {
             return false;
         }
-        if let Some(run) = self.open.take() {
-            self.owed = self.decoder.words(run);
+        let single = u32::from(word(ADDR_X, (run.polarity as u16) << POLARITY_SHIFT | run.x));
+        let new_row = self.decoder.row != run.y;
+        let words = if new_row { u32::from(word(ADDR_Y, run.y)) | single << 16 } else { single };
+        if !out.put_some(words.to_le_bytes(), if new_row { 4 } else { 2 }) {
+            return false;
         }
-        self.drain(slots)
+        self.decoder.row = run.y;
+        self.open = None;
+        true
     }
 
-    /// Writes what is owed. False when `slots` end before it does.
-    fn drain(&mut self, slots: &mut SlotsMut<'_>) -> bool {
-        loop {
-            if let Some(byte) = self.carry {
-                let Some(slot) = slots.next() else { return false };
-                *slot = byte;
-                self.carry = None;
-            }
-            if self.owed.is_empty() {
-                return true;
-            }
-            let Some(slot) = slots.next() else { return false };
-            let word = self.decoder.next_time(self.owed.t).unwrap_or_else(|| self.owed.pop());
-            let [first, second] = word.to_le_bytes();
-            *slot = first;
-            self.carry = Some(second);
+    /// Closes the open run and writes everything. False when `out` ends before it does.
+    fn flush(&mut self, out: &mut Out<'_>) -> bool {
+        if !self.drain(out) {
+            return false;
         }
+        let Some(run) = self.open.take() else { return true };
+        self.owed = self.decoder.words(run);
+        self.drain(out)
+    }
+
+    /// Writes what is owed. False when `out` ends before it does.
+    fn drain(&mut self, out: &mut Out<'_>) -> bool {
+        if let Some(byte) = self.carry.take() {
+            self.carry = out.put(&[byte]).err();
+        }
+        while self.owed.len > 0 && self.carry.is_none() && !out.is_full() {
+            if let Some(word) = self.decoder.next_time(self.owed.t) {
+                self.carry = out.put(&word.to_le_bytes()).err();
+            } else if out.put_some(self.owed.words.to_le_bytes(), 2 * self.owed.len) {
+                self.owed.len = 0;
+            } else {
+                self.carry = out.put(&self.owed.pop().to_le_bytes()).err();
+            }
+        }
+        self.owed.len == 0 && self.carry.is_none()
     }
 }
 
 /// Where an encoder writes.
-type SlotsMut<'a> = core::slice::IterMut<'a, u8>;
+struct Out<'a> {
+    bytes: &'a mut [u8],
+    len: usize,
+}
+
+impl<'a> Out<'a> {
+    fn new(bytes: &'a mut [u8]) -> Self {
+        Self { bytes, len: 0 }
+    }
+
+    fn is_full(&self) -> bool {
+        self.len >= self.bytes.len()
+    }
+
+    /// Writes what fits; what does not is the last byte.
+    fn put(&mut self, bytes: &[u8]) -> Result<(), u8> {
+        for byte in bytes {
+            *self.bytes.get_mut(self.len).ok_or(*byte)? = *byte;
+            self.len += 1;
+        }
+        Ok(())
+    }
+
+    /// Writes `bytes`, of which `len` count. False, and nothing is done, without room for them all.
+    #[inline]
+    fn put_some<const N: usize>(&mut self, bytes: [u8; N], len: usize) -> bool {
+        let room = self.bytes.get_mut(self.len..).and_then(|room| room.first_chunk_mut());
+        let written = room.map(|room| *room = bytes).is_some();
+        self.len += if written { len } else { 0 };
+        written
+    }
+}
 
 impl Run {
-    /// Columns of the vectors after a base.
+    /// Columns of the vectors after a base: the bits of a mask.
     const COLUMNS: u16 = 32;
 
     /// Adds an event if it belongs to the run.
     fn join(&mut self, t: u64, event: Event) -> bool {
         let column = event.x().wrapping_sub(self.x);
-        let joins = (self.t, self.y, self.polarity) == (t, event.y(), event.polarity())
-            && column < Self::COLUMNS
-            && self.mask.checked_shr(column.into()) == Some(0);
+        // All at once, without a branch for each.
+        let together = (self.t == t) & (self.y == event.y()) & (self.polarity == event.polarity());
+        let joins = together & (event.x() <= COORDINATE) && self.mask.checked_shr(column.into()) == Some(0);
         if joins {
             self.mask |= 1 << column;
         }
@@ -509,36 +575,39 @@ impl Run {
 }
 
 impl Owed {
+    #[inline]
     fn push(&mut self, word: u16) {
-        if let Some(slot) = self.words.get_mut(self.len) {
-            *slot = word;
-            self.len += 1;
-        }
+        self.words |= u128::from(word).wrapping_shl(16 * self.len as u32);
+        self.len += 1;
     }
 
     fn pop(&mut self) -> u16 {
-        let word = self.words.get(self.next).copied().unwrap_or_default();
-        self.next += 1;
+        let word = self.words as u16;
+        self.words >>= 16;
+        self.len -= 1;
         word
     }
+}
 
-    fn is_empty(&self) -> bool {
-        self.next >= self.len
+impl Default for Mirror {
+    fn default() -> Self {
+        Self { high: None, time: None, row: Self::NO_ROW, base: None }
     }
 }
 
 impl Mirror {
+    const NO_ROW: u16 = u16::MAX;
+
     /// The words of a run, without those of its time: vectors where they are no more words than single events.
     fn words(&mut self, run: Run) -> Owed {
         let mut owed = Owed { t: run.t, ..Owed::default() };
-        if self.row.replace(run.y) != Some(run.y) {
+        if core::mem::replace(&mut self.row, run.y) != run.y {
             owed.push(word(ADDR_Y, run.y));
         }
         let at = |x: u16| (run.polarity as u16) << POLARITY_SHIFT | x;
         let follows = self.base == Some((run.x, run.polarity));
         if run.mask.count_ones() < 3 + u32::from(!follows) {
-            let columns = (0..Run::COLUMNS).filter(|i| run.mask >> i & 1 == 1);
-            columns.for_each(|i| owed.push(word(ADDR_X, at(run.x + i))));
+            ones(run.mask).for_each(|i| owed.push(word(ADDR_X, at(run.x + i as u16))));
             return owed;
         }
         if !follows {
@@ -553,60 +622,69 @@ impl Mirror {
 
     /// The next word on the way to time `t`, over 0xFFF and 0 at each wrap. A TIME_LOW comes after every TIME_HIGH,
     /// since some decoders keep the low bits over it.
+    #[inline]
     fn next_time(&mut self, t: u64) -> Option<u16> {
-        let (high, low) = (t >> TIME_BITS, t as u16 & PAYLOAD);
-        if self.high != Some(high) {
-            let at = self.high.unwrap_or_default();
-            let next = if at >> TIME_BITS == high >> TIME_BITS {
-                high
-            } else if at as u16 & PAYLOAD == PAYLOAD {
-                at + 1
-            } else {
-                at | u64::from(PAYLOAD)
-            };
-            (self.high, self.low) = (Some(next), None);
-            return Some(word(TIME_HIGH, next as u16));
+        let high = t >> TIME_BITS;
+        if self.time == Some(t) {
+            None
+        } else if self.high == Some(high) {
+            self.time = Some(t);
+            Some(word(TIME_LOW, t as u16))
+        } else {
+            Some(self.next_high(high))
         }
-        (self.low.replace(low) != Some(low)).then(|| word(TIME_LOW, low))
+    }
+
+    fn next_high(&mut self, high: u64) -> u16 {
+        let at = self.high.unwrap_or_default();
+        let next = if at >> TIME_BITS == high >> TIME_BITS {
+            high
+        } else if at as u16 & PAYLOAD == PAYLOAD {
+            at + 1
+        } else {
+            at | u64::from(PAYLOAD)
+        };
+        (self.high, self.time) = (Some(next), None);
+        word(TIME_HIGH, next as u16)
     }
 }
 
 impl Encode for Encoder {
     fn encode(&mut self, span: Span<'_>, out: &mut [u8]) -> Encoded {
-        let mut slots = out.iter_mut();
+        let mut out = Out::new(out);
         let mut events = 0;
         let mut refused = None;
         for event in span.events {
             let t = span.time(*event);
-            refused = self.refuse(t, *event);
-            if refused.is_some() || !self.take(t, *event, &mut slots) {
-                break;
+            if !self.join(t, *event) {
+                refused = self.refuse(t, *event);
+                if refused.is_some() || !(self.flush_single(&mut out) || self.flush(&mut out)) {
+                    break;
+                }
+                self.open(t, *event);
             }
             events += 1;
         }
-        let left = slots.len();
-        Encoded { events, bytes: out.len() - left, refused }
+        Encoded { events, bytes: out.len, refused }
     }
 
     fn trigger(&mut self, trigger: Trigger, out: &mut [u8]) -> Encoded {
-        let mut slots = out.iter_mut();
+        let mut out = Out::new(out);
         let refused = self.refuse_trigger(trigger);
-        let taken = refused.is_none() && self.flush(&mut slots);
+        let taken = refused.is_none() && self.flush(&mut out);
         if taken {
             let payload = u16::from(trigger.channel) << CHANNEL_SHIFT | trigger.edge as u16;
             self.owed = Owed { t: trigger.t, ..Owed::default() };
             self.owed.push(word(EXT_TRIGGER, payload));
             self.t_last = Some(trigger.t);
-            self.drain(&mut slots);
+            self.drain(&mut out);
         }
-        let left = slots.len();
-        Encoded { events: taken.into(), bytes: out.len() - left, refused }
+        Encoded { events: taken.into(), bytes: out.len, refused }
     }
 
     fn finish(&mut self, out: &mut [u8]) -> usize {
-        let mut slots = out.iter_mut();
-        self.flush(&mut slots);
-        let left = slots.len();
-        out.len() - left
+        let mut out = Out::new(out);
+        self.flush(&mut out);
+        out.len
     }
 }
