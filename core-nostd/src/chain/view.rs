@@ -473,7 +473,7 @@ mod tests {
             ),
             (
                 r#"{"name": "v", "kind": "voxel_grid", "period_us": 9, "bins": 0}"#,
-                "bins = 0 is no voxel grid: give at least 1",
+                "bins = 0 is no voxel grid: give at least 1, and 2^32 elements at most",
             ),
             (
                 r#"{"name": "v", "kind": "time_surface", "period_us": 9, "tau_us": 0}"#,

@@ -2,7 +2,7 @@
 
 use core::marker::PhantomData;
 
-use crate::representation::{BadRepresentation, Build, Parameters, Tally, check};
+use crate::representation::{BadRepresentation, Build, Parameters, Tally, check, index};
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Number of events of each pixel, of either polarity: 1 x H x W of u8, u16 or f32.
@@ -50,12 +50,13 @@ impl<P: Tally> Representation for Count<P> {
 
     fn accumulate(&mut self, span: Span<'_>, out: &mut [P]) -> Result<(), WrongGeometry> {
         check(self.geometry, &span)?;
-        let mut saturated = 0;
-        for event in span.events {
-            if let Some(cell) = out.get_mut(self.geometry.index(event.x(), event.y())) {
+        let (geometry, mut saturated) = (self.geometry, 0);
+        let prepare = |event| (index::by_pixel(geometry, event), ());
+        index::for_each(span.events, prepare, |at, ()| {
+            if let Some(cell) = out.get_mut(at) {
                 saturated += u64::from(!cell.count());
             }
-        }
+        });
         self.saturated += saturated;
         Ok(())
     }

@@ -10,6 +10,7 @@
 //! Rows from the top, columns from the left, row-major.
 
 mod count;
+mod index;
 mod pixel;
 mod polarity_histogram;
 mod time_surface;
@@ -21,7 +22,7 @@ pub use polarity_histogram::PolarityHistogram;
 pub use time_surface::TimeSurface;
 pub use voxel_grid::VoxelGrid;
 
-use crate::{Event, Geometry, Representation, Span, WrongGeometry};
+use crate::{Geometry, Representation, Span, WrongGeometry};
 
 /// Every representation, in every type of element: the one list that the host's views and the no-panic proof are
 /// made from. Calls the macro `$then` with lines of `Variant Kind Type;`, the types over memory of type `$state`.
@@ -95,8 +96,11 @@ impl Default for Parameters {
 /// Why a representation cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BadRepresentation {
-    /// No bins.
-    Bins,
+    /// No bins, or so many that the tensor has over 2^32 elements.
+    Bins {
+        /// What was asked for.
+        found: u16,
+    },
     /// A decay of 0 or beyond [`TimeSurface::TAU_US_MAX`].
     TauUs {
         /// What was asked for.
@@ -114,7 +118,9 @@ pub enum BadRepresentation {
 impl core::fmt::Display for BadRepresentation {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
-            Self::Bins => write!(f, "bins = 0 is no voxel grid: give at least 1"),
+            Self::Bins { found } => {
+                write!(f, "bins = {found} is no voxel grid: give at least 1, and 2^32 elements at most")
+            }
             Self::TauUs { found } => {
                 write!(f, "tau_us = {found} is not a decay: give 1 to {} µs", time_surface::TAU_US_MAX)
             }
@@ -144,11 +150,4 @@ pub trait Build<S>: Representation + Sized {
 /// Refuses events of another sensor.
 fn check(expected: Geometry, span: &Span<'_>) -> Result<(), WrongGeometry> {
     if span.geometry == expected { Ok(()) } else { Err(WrongGeometry { expected, found: span.geometry }) }
-}
-
-/// Index of an event's element in planes ON, OFF.
-#[inline(always)]
-fn index_by_polarity(geometry: Geometry, event: Event) -> usize {
-    let plane = geometry.pixels() & !(event.on_mask() as i32 as usize);
-    plane + geometry.index(event.x(), event.y())
 }

@@ -6,8 +6,8 @@
 use core::marker::PhantomData;
 
 use crate::math::exp;
-use crate::representation::{BadRepresentation, Build, Parameters, Real, check, index_by_polarity};
-use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
+use crate::representation::{BadRepresentation, Build, Parameters, Real, check, index};
+use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// See [`TimeSurface::TAU_US_MAX`].
 pub(super) const TAU_US_MAX: u32 = 1 << 25;
@@ -120,17 +120,16 @@ impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> Representation for TimeSurface<P, 
         let (geometry, map) = (self.geometry, self.map.as_mut());
         let t0 = self.window.t0 as u32;
         let length = self.window.t1.saturating_sub(self.window.t0).min(OLD_US.into()) as i32;
-        // Some 25 events of a busy sensor share each µs.
-        for run in span.events.chunk_by(|a, b| a.t() == b.t()) {
-            let Some(first) = run.first() else { continue };
-            let since = (first.t().wrapping_sub(t0) as i32).max(0).min(length);
-            let stamp = t0.wrapping_add(since as u32);
-            for event in run {
-                if let Some(last) = map.get_mut(index_by_polarity(geometry, *event)) {
-                    *last = stamp;
-                }
+        let prepare = |event: Event| {
+            let since = (event.t().wrapping_sub(t0) as i32).max(0).min(length);
+            (index::by_polarity(geometry, event), t0.wrapping_add(since as u32))
+        };
+        index::for_each(span.events, prepare, |at, stamp| {
+            // Stores that miss the cache wait for each other, loads do not: hence the look before.
+            if let Some(last) = map.get_mut(at).filter(|last| **last != stamp) {
+                *last = stamp;
             }
-        }
+        });
         Ok(())
     }
 

@@ -3,7 +3,7 @@
 //! Source: Zhu et al., Unsupervised Event-based Learning of Optical Flow, Depth, and Egomotion, CVPR 2019, section 3.1,
 //! with the window's bounds in place of the first and last event's times.
 
-use crate::representation::{BadRepresentation, Build, Parameters, check};
+use crate::representation::{BadRepresentation, Build, Parameters, check, index};
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Adding it rounds a small number to a whole one, which is then in the low bits of the sum.
@@ -39,10 +39,11 @@ pub struct VoxelGrid {
 }
 
 impl VoxelGrid {
-    /// For a sensor of this size; at least 1 bin.
+    /// For a sensor of this size; at least 1 bin, and no more than 2^32 elements in all.
     pub const fn try_new(geometry: Geometry, bins: u16) -> Result<Self, BadRepresentation> {
-        if bins == 0 {
-            return Err(BadRepresentation::Bins);
+        let len = geometry.pixels() as u64 * bins as u64;
+        if bins == 0 || len > 1 << 32 {
+            return Err(BadRepresentation::Bins { found: bins });
         }
         Ok(Self { geometry, bins, clock: Clock { t0: 0, length: 0, bins_per_us: 0.0 } })
     }
@@ -65,13 +66,13 @@ impl Clock {
 
     /// The bin at or before the event and the share of the one after it.
     #[inline(always)]
-    fn bin(&self, event: Event) -> (usize, f32) {
+    fn bin(&self, event: Event) -> (u32, f32) {
         let age = (event.t().wrapping_sub(self.t0) as i32).max(0).min(self.length);
         let position = age as f32 * self.bins_per_us;
         // The whole number nearest to half below; at a tie either will do, since one of the two shares is 0 then.
         let rounded = (position - 0.5).max(0.0) + ROUND;
         let bin = rounded.to_bits() & 0xFFFF;
-        (bin as usize, position - (rounded - ROUND))
+        (bin, position - (rounded - ROUND))
     }
 }
 
@@ -94,35 +95,25 @@ impl Representation for VoxelGrid {
     fn accumulate(&mut self, span: Span<'_>, out: &mut [f32]) -> Result<(), WrongGeometry> {
         check(self.geometry, &span)?;
         let pixels = self.geometry.pixels();
-        // Some 25 events of a busy sensor share each µs, and with it all but the pixel and the sign.
-        for run in span.events.chunk_by(|a, b| a.t() == b.t()) {
-            let Some(first) = run.first() else { continue };
-            let (bin, share) = self.clock.bin(*first);
-            let (low, high) = planes(out, bin * pixels, pixels);
-            for event in run {
-                let at = self.geometry.index(event.x(), event.y());
-                let off = !event.on_mask() & SIGN_BIT;
-                let signed = |weight: f32| f32::from_bits(weight.to_bits() ^ off);
-                if let Some(cell) = low.get_mut(at) {
-                    *cell += signed(1.0 - share);
-                }
-                if let Some(cell) = high.get_mut(at) {
-                    *cell += signed(share);
-                }
+        let (geometry, clock) = (self.geometry, self.clock);
+        let prepare = |event: Event| {
+            let (bin, share) = clock.bin(event);
+            let index = bin.wrapping_mul(pixels as u32).wrapping_add(index::by_pixel(geometry, event));
+            let off = !event.on_mask() & SIGN_BIT;
+            (index, [1.0 - share, share].map(|weight| f32::from_bits(weight.to_bits() ^ off)))
+        };
+        index::for_each(span.events, prepare, |at, [low, high]| {
+            if let Some(cell) = out.get_mut(at) {
+                *cell += low;
             }
-        }
+            if let Some(cell) = out.get_mut(at + pixels) {
+                *cell += high;
+            }
+        });
         Ok(())
     }
 
     fn finish(&mut self, _: &mut [f32]) {}
-}
-
-/// The plane of `len` elements at `start`, and what follows it.
-#[inline(always)]
-fn planes(out: &mut [f32], start: usize, len: usize) -> (&mut [f32], &mut [f32]) {
-    let rest = out.get_mut(start..).unwrap_or_default();
-    let len = len.min(rest.len());
-    rest.split_at_mut(len)
 }
 
 impl<S> Build<S> for VoxelGrid {
