@@ -25,6 +25,7 @@ mod unwrap;
 pub mod ring;
 pub mod wire;
 
+mod prefetch;
 pub mod time_map;
 
 pub mod filter;

@@ -15,7 +15,9 @@
 //! The map has a border of one pixel, shared by the ends of neighbouring rows, that never fires: the neighbours of an
 //! edge pixel need no test of their own.
 
-use crate::{Block, Event, Geometry, WrongGeometry, filter::compact, full_time};
+use crate::filter::compact;
+use crate::prefetch::prefetch;
+use crate::{Block, Event, Geometry, WrongGeometry, full_time};
 use bytemuck::Pod;
 use core::cell::Cell;
 use core::marker::PhantomData;
@@ -45,8 +47,17 @@ pub trait Stamp: Copy + Pod + Default + PartialEq + core::fmt::Debug + sealed::S
     /// The stamp of an event's 32-bit time.
     fn stamp(clock: &Clock<Self>, t_us: u32) -> Self;
 
+    /// Sets entries that are more than [`AGE_MAX`](Self::AGE_MAX) old at `start` to that age. None is 2^BITS old: they
+    /// were less than four cells old by the newest time seen, and `start` is at most three after it.
+    fn clamp(entries: &mut [Self], start: u64);
+
     /// Ticks since `then`; negative where time stepped back.
     fn age(self, then: Self) -> i32;
+
+    /// How far within `dt` of this time `then` is: negative (all but the sign is noise) if it is longer ago.
+    ///
+    /// So that of several, one at least is recent if their bitwise `and` is not negative.
+    fn margin(self, dt: i32, then: Self) -> i32;
 
     /// One of its bits, for stages that use words as sets of flags; `place` is below [`BITS`](Self::BITS).
     fn bit(self, place: u32) -> bool;
@@ -70,8 +81,21 @@ impl Stamp for u32 {
     }
 
     #[inline]
+    fn clamp(entries: &mut [Self], start: u64) {
+        let start = Self::of(start);
+        for entry in entries {
+            *entry = start.wrapping_sub(start.wrapping_sub(*entry).min(Self::AGE_MAX as Self));
+        }
+    }
+
+    #[inline]
     fn age(self, then: Self) -> i32 {
         self.wrapping_sub(then) as i32
+    }
+
+    #[inline(always)]
+    fn margin(self, dt: i32, then: Self) -> i32 {
+        then.wrapping_sub(self.wrapping_sub(dt as u32)) as i32
     }
 
     #[inline]
@@ -101,8 +125,21 @@ impl Stamp for u16 {
     }
 
     #[inline]
+    fn clamp(entries: &mut [Self], start: u64) {
+        let start = Self::of(start);
+        for entry in entries {
+            *entry = start.wrapping_sub(start.wrapping_sub(*entry).min(Self::AGE_MAX as Self));
+        }
+    }
+
+    #[inline]
     fn age(self, then: Self) -> i32 {
         self.wrapping_sub(then) as i16 as i32
+    }
+
+    #[inline(always)]
+    fn margin(self, dt: i32, then: Self) -> i32 {
+        then.wrapping_sub(self.wrapping_sub(dt as u16)) as i16 as i32
     }
 
     #[inline]
@@ -256,35 +293,37 @@ impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> TimeMap<T, S> {
     }
 
     /// Refuses the block of another sensor, then keeps the events for which `keep` says so, in place and in order;
-    /// returns how many are left. `keep` gets the pixels, the event and its stamp.
-    #[inline]
+    /// returns how many are left. `keep` gets the pixels, the event's place among them, the event and its stamp.
+    #[inline(always)]
     pub fn retain(
         &mut self,
         block: &mut Block<'_>,
-        keep: impl FnMut(&Pixels<'_, T>, Event, T) -> bool,
+        reach: Reach,
+        keep: impl FnMut(&Pixels<'_, T>, usize, Event, T) -> bool,
     ) -> Result<usize, WrongGeometry> {
         self.geometry.check(block.geometry)?;
-        let kept = self.thin(block.t_first, block.events_mut(), keep);
+        let kept = self.thin(block.t_first, block.events_mut(), reach, keep);
         block.truncate(kept);
         Ok(kept)
     }
 
     /// The verdict for one event, for callers who have no block; its time is taken nearest to the newest seen.
     #[inline]
-    pub fn keep(&mut self, event: Event, keep: impl FnMut(&Pixels<'_, T>, Event, T) -> bool) -> bool {
+    pub fn keep(&mut self, event: Event, keep: impl FnMut(&Pixels<'_, T>, usize, Event, T) -> bool) -> bool {
         // At first any time will do whose low bits are these, but one that may step back.
         let near = if self.started { self.high << self.shift } else { (1 << 32) | event.t() as u64 };
         let t = full_time(near, event.t());
-        self.thin(t, &mut [event], keep) == 1
+        self.thin(t, &mut [event], Reach::Pixel, keep) == 1
     }
 
     /// Thins events whose full times are near `anchor`; returns how many are left at the start of `events`.
-    #[inline]
-    pub fn thin(
+    #[inline(always)]
+    fn thin(
         &mut self,
         anchor: u64,
         events: &mut [Event],
-        mut keep: impl FnMut(&Pixels<'_, T>, Event, T) -> bool,
+        reach: Reach,
+        mut keep: impl FnMut(&Pixels<'_, T>, usize, Event, T) -> bool,
     ) -> usize {
         let events = Cell::from_mut(events).as_slice_of_cells();
         let mut rest = events;
@@ -294,8 +333,18 @@ impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> TimeMap<T, S> {
             let Some((run, after)) = rest.split_at_checked(n) else { break };
             rest = after;
             let clock = self.clock();
-            let pixels = self.pixels();
-            kept = compact(events, kept, run, |event| keep(&pixels, event, T::stamp(&clock, event.t())));
+            let Some(pixels) = self.pixels() else { break };
+            for batch in run.chunks(BATCH) {
+                let mut places = [0; BATCH];
+                for (place, event) in places.iter_mut().zip(batch) {
+                    *place = pixels.place(event.get());
+                    pixels.prefetch(*place as usize, reach);
+                }
+                let batch = batch.iter().map(Cell::get).zip(places.iter().copied());
+                kept = compact(events, kept, batch, |event, place| {
+                    keep(&pixels, place as usize, event, T::stamp(&clock, event.t()))
+                });
+            }
         }
         kept
     }
@@ -363,21 +412,9 @@ impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> TimeMap<T, S> {
             self.high = t;
             self.started = true;
         } else if start > self.cell() {
-            self.clamp(start);
+            T::clamp(self.entries(), start);
         }
         self.high = self.high.max(t);
-    }
-
-    /// Sets entries older than the horizon of the cell at `start` to it.
-    fn clamp(&mut self, start: u64) {
-        let oldest = T::of(start.wrapping_sub(T::AGE_MAX));
-        let newest = T::of(self.high);
-        // No more than AGE_MAX, as are ages at the start of the cell before: 32 bits hold their sum.
-        let jump = start.wrapping_sub(self.high) as u32;
-        for entry in self.entries() {
-            let age = jump.wrapping_add(newest.age(*entry) as u32);
-            *entry = if age as u64 > T::AGE_MAX { oldest } else { *entry };
-        }
     }
 
     fn cell(&self) -> u64 {
@@ -393,13 +430,10 @@ impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> TimeMap<T, S> {
         Clock { origin_us: (origin << self.shift) as u32, origin: T::of(origin), shift: self.shift as u32 }
     }
 
-    /// The pixels, to read and write: the stamps of [`open`](Self::open)'s events only.
-    #[inline]
-    pub(crate) fn pixels(&mut self) -> Pixels<'_, T> {
-        let stride = stride(self.geometry);
-        let words = Cell::from_mut(self.stamps.as_mut()).as_slice_of_cells();
-        let (entries, spare) = words.split_at_checked(Self::required_len(self.geometry)).unwrap_or_default();
-        Pixels::new(entries, spare, stride)
+    /// The pixels, to read and write; none on a sensor without pixels.
+    #[inline(always)]
+    pub(crate) fn pixels(&mut self) -> Option<Pixels<'_, T>> {
+        Pixels::new(Cell::from_mut(self.stamps.as_mut()).as_slice_of_cells(), self.geometry)
     }
 }
 
@@ -407,60 +441,79 @@ fn cell_of<T: Stamp>(ticks: u64) -> u64 {
     ticks & !(T::CELL - 1)
 }
 
+/// Events whose places are looked up ahead of their verdicts, so that the memory is there when it is needed.
+const BATCH: usize = 32;
+
+/// What of a map an event's verdict needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reach {
+    /// The entry of its pixel.
+    Pixel,
+    /// Those of its neighbours too.
+    Neighbourhood,
+}
+
 /// The pixels of a map and their neighbours, to read and write within one run of events.
 ///
-/// Nine views of one length, each shifted by one neighbour: one bounds check covers all nine.
+/// Three views of the same length, each a row further: one bounds check covers a neighbourhood.
 #[derive(Clone, Copy, Debug)]
 pub struct Pixels<'a, T: Stamp> {
-    stride: usize,
-    views: [&'a [Cell<T>]; 9],
+    stride: u32,
+    above: &'a [Cell<T>],
+    level: &'a [Cell<T>],
+    below: &'a [Cell<T>],
     spare: &'a [Cell<T>],
 }
 
 impl<'a, T: Stamp> Pixels<'a, T> {
-    #[inline]
-    fn new(entries: &'a [Cell<T>], spare: &'a [Cell<T>], stride: usize) -> Self {
-        let len = entries.len().saturating_sub(2 * stride + 2);
-        let view = |row: usize, column: usize| {
-            let start = row * stride + column;
-            entries.get(start..start + len).unwrap_or_default()
-        };
-        let views = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 0), (2, 1), (2, 2)];
-        Self { stride, views: views.map(|(row, column)| view(row, column)), spare }
+    #[inline(always)]
+    fn new(words: &'a [Cell<T>], geometry: Geometry) -> Option<Self> {
+        let stride = stride(geometry);
+        let (entries, spare) = words.split_at_checked(TimeMap::<T, ()>::required_len(geometry))?;
+        let len = entries.len().checked_sub(2 * stride)?;
+        Some(Self {
+            stride: stride as u32,
+            above: entries.get(..len)?,
+            level: entries.get(stride..stride + len)?,
+            below: entries.get(2 * stride..2 * stride + len)?,
+            spare,
+        })
     }
 
-    /// Where the pixel is; beyond all for a row off the sensor.
-    #[inline]
-    pub fn index(&self, x: u16, y: u16) -> usize {
-        y as usize * self.stride + x as usize
+    /// Where the event's pixel is; beyond all for a row off the sensor.
+    #[inline(always)]
+    pub(crate) fn place(&self, event: Event) -> u32 {
+        (event.y() as u32).wrapping_mul(self.stride).wrapping_add(event.x() as u32)
     }
 
-    /// The entry of a pixel.
-    #[inline]
-    pub fn centre(&self, index: usize) -> Option<&'a Cell<T>> {
-        self.views[4].get(index)
+    #[inline(always)]
+    fn prefetch(&self, place: usize, reach: Reach) {
+        prefetch(self.level, place + 1);
+        if let Reach::Neighbourhood = reach {
+            prefetch(self.above, place + 1);
+            prefetch(self.below, place + 1);
+        }
     }
 
-    /// The entries of a pixel and its eight neighbours, row by row.
-    #[inline]
-    pub fn neighbourhood(&self, index: usize) -> Option<[&'a Cell<T>; 9]> {
-        let [a, b, c, d, e, f, g, h, k] = self.views;
-        let i = index;
-        Some([
-            a.get(i)?,
-            b.get(i)?,
-            c.get(i)?,
-            d.get(i)?,
-            e.get(i)?,
-            f.get(i)?,
-            g.get(i)?,
-            h.get(i)?,
-            k.get(i)?,
-        ])
+    /// The entry of the pixel at a place.
+    #[inline(always)]
+    pub fn pixel(&self, place: usize) -> Option<&'a Cell<T>> {
+        self.level.get(place + 1)
+    }
+
+    /// The entry of the pixel at a place, and what those of its eight neighbours hold: the four beside it first.
+    #[inline(always)]
+    pub fn neighbourhood(&self, place: usize) -> Option<(&'a Cell<T>, [T; 8])> {
+        let (i, j, k) = (place, place + 1, place + 2);
+        // The last index first: it settles the others.
+        let (ne, e, se) = (self.above.get(k)?, self.level.get(k)?, self.below.get(k)?);
+        let (n, pixel, s) = (self.above.get(j)?, self.level.get(j)?, self.below.get(j)?);
+        let (nw, w, sw) = (self.above.get(i)?, self.level.get(i)?, self.below.get(i)?);
+        Some((pixel, [n, w, e, s, nw, ne, sw, se].map(Cell::get)))
     }
 
     /// The memory behind the map, for what else a stage keeps.
-    #[inline]
+    #[inline(always)]
     pub fn spare(&self) -> &'a [Cell<T>] {
         self.spare
     }

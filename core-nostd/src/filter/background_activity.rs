@@ -6,7 +6,7 @@
 //! neighbour's event of a later time counts as recent.
 
 use super::{FilterError, Neighbours};
-use crate::time_map::{Pixels, Stamp, TimeMap};
+use crate::time_map::{Pixels, Reach, Stamp, TimeMap};
 use crate::{Block, Event, Filter, Geometry, WrongGeometry};
 
 /// Parameters of [`BackgroundActivity`].
@@ -66,21 +66,20 @@ impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> BackgroundActivity<T, S> {
 #[inline(always)]
 fn supported<T: Stamp>(
     pixels: &Pixels<'_, T>,
-    event: Event,
+    place: usize,
     now: T,
     dt: i32,
     neighbours: Neighbours,
 ) -> bool {
-    let index = pixels.index(event.x(), event.y());
-    let Some([nw, n, ne, w, pixel, e, sw, s, se]) = pixels.neighbourhood(index) else { return false };
-    let recent = |cell: &core::cell::Cell<T>| now.age(cell.get()) <= dt;
-    let cross = recent(n) | recent(w) | recent(e) | recent(s);
-    let keep = match neighbours {
-        Neighbours::Four => cross,
-        Neighbours::Eight => cross | recent(nw) | recent(ne) | recent(sw) | recent(se),
-    };
+    let Some((pixel, [n, w, e, s, nw, ne, sw, se])) = pixels.neighbourhood(place) else { return false };
     pixel.set(now);
-    keep
+    let margin = |then| now.margin(dt, then);
+    let cross = margin(n) & margin(w) & margin(e) & margin(s);
+    let all = match neighbours {
+        Neighbours::Four => cross,
+        Neighbours::Eight => cross & margin(nw) & margin(ne) & margin(sw) & margin(se),
+    };
+    all >= 0
 }
 
 impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> Filter for BackgroundActivity<T, S> {
@@ -90,18 +89,18 @@ impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> Filter for BackgroundActivity<T, S> {
 
     fn keep(&mut self, event: Event) -> bool {
         let (dt, neighbours) = (self.dt, self.neighbours);
-        self.map.keep(event, |pixels, event, now| supported(pixels, event, now, dt, neighbours))
+        self.map.keep(event, |pixels, place, _, now| supported(pixels, place, now, dt, neighbours))
     }
 
     fn retain(&mut self, block: &mut Block<'_>) -> Result<usize, WrongGeometry> {
         let dt = self.dt;
         match self.neighbours {
-            Neighbours::Four => self
-                .map
-                .retain(block, |pixels, event, now| supported(pixels, event, now, dt, Neighbours::Four)),
-            Neighbours::Eight => self
-                .map
-                .retain(block, |pixels, event, now| supported(pixels, event, now, dt, Neighbours::Eight)),
+            Neighbours::Four => self.map.retain(block, Reach::Neighbourhood, |pixels, place, _, now| {
+                supported(pixels, place, now, dt, Neighbours::Four)
+            }),
+            Neighbours::Eight => self.map.retain(block, Reach::Neighbourhood, |pixels, place, _, now| {
+                supported(pixels, place, now, dt, Neighbours::Eight)
+            }),
         }
     }
 }

@@ -3,32 +3,32 @@
 use crate::Event;
 use core::cell::Cell;
 
-/// Moves the events of `run` that `keep` keeps to `events[kept..]`, in order; returns `kept` after it.
+/// Moves the events of `run` that `keep` keeps to `events[kept..]`, in order; returns `kept` after it. With each event
+/// comes what is known of it already.
 ///
-/// `run` is a part of `events` that starts at `kept` or later. Every event is stored, and only the place of the next
-/// one depends on the verdict.
+/// `run` reads, one after the other, events of `events` from place `kept` or later. Every event is stored, and only
+/// the place of the next one depends on the verdict.
 #[inline(always)]
-pub(crate) fn compact(
+pub(crate) fn compact<K>(
     events: &[Cell<Event>],
     mut kept: usize,
-    run: &[Cell<Event>],
-    mut keep: impl FnMut(Event) -> bool,
+    run: impl Iterator<Item = (Event, K)>,
+    mut keep: impl FnMut(Event, K) -> bool,
 ) -> usize {
-    for cell in run {
-        let event = cell.get();
+    for (event, known) in run {
         if let Some(slot) = events.get(kept) {
             slot.set(event);
         }
-        kept += keep(event) as usize;
+        kept += keep(event, known) as usize;
     }
     kept
 }
 
 /// Thins all of `events`; returns how many are left at their start.
 #[inline(always)]
-pub(crate) fn compact_all(events: &mut [Event], keep: impl FnMut(Event) -> bool) -> usize {
-    let cells = Cell::from_mut(events).as_slice_of_cells();
-    compact(cells, 0, cells, keep)
+pub(crate) fn compact_all(events: &mut [Event], mut keep: impl FnMut(Event) -> bool) -> usize {
+    let events = Cell::from_mut(events).as_slice_of_cells();
+    compact(events, 0, events.iter().map(|cell| (cell.get(), ())), |event, ()| keep(event))
 }
 
 #[cfg(test)]

@@ -14,8 +14,8 @@
 //! each neighbourhood once.
 
 use super::FilterError;
-use crate::time_map::{Pixels, Stamp, TimeMap};
-use crate::{Block, Event, Filter, Geometry, WrongGeometry};
+use crate::time_map::{Pixels, Reach, Stamp, TimeMap};
+use crate::{Block, Event, Filter, Geometry, Polarity, WrongGeometry};
 use core::cell::Cell;
 
 /// Parameters of [`Denoise`]. Times in µs are below 2^30 (`u32` map) or 2^14 ticks (`u16`), rounded down to ticks.
@@ -108,9 +108,9 @@ impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> Denoise<T, S> {
     /// From now on the pixel is hot; false, and nothing is done, off the sensor.
     pub fn mask(&mut self, x: u16, y: u16) -> bool {
         let on_sensor = self.map.geometry().contains(x, y);
-        let pixels = self.map.pixels();
+        let Some(pixels) = self.map.pixels() else { return false };
         let (hot, _) = planes(&pixels);
-        match Bit::of(hot, pixels.index(x, y)) {
+        match Bit::of(hot, pixels.place(Event::new(0, x, y, Polarity::Off)) as usize) {
             Some(bit) if on_sensor => bit.set(true),
             _ => return false,
         }
@@ -132,9 +132,9 @@ struct Bit<'a, T> {
 
 impl<'a, T: Stamp> Bit<'a, T> {
     #[inline(always)]
-    fn of(plane: &'a [Cell<T>], index: usize) -> Option<Self> {
-        let word = plane.get(index / T::BITS as usize)?;
-        Some(Self { word, place: index as u32 % T::BITS })
+    fn of(plane: &'a [Cell<T>], place: usize) -> Option<Self> {
+        let word = plane.get(place / T::BITS as usize)?;
+        Some(Self { word, place: place as u32 % T::BITS })
     }
 
     #[inline(always)]
@@ -152,24 +152,23 @@ impl<'a, T: Stamp> Bit<'a, T> {
 #[inline(always)]
 fn is_signal<T: Stamp>(
     pixels: &Pixels<'_, T>,
+    place: usize,
     event: Event,
     now: T,
     rules: Rules,
     trails: bool,
 ) -> Option<bool> {
-    let index = pixels.index(event.x(), event.y());
     let (hot, on) = planes(pixels);
-    if Bit::of(hot, index)?.get() {
+    if Bit::of(hot, place)?.get() {
         return None;
     }
-    let [nw, n, ne, w, pixel, e, sw, s, se] = pixels.neighbourhood(index)?;
-    let supports = |cell: &Cell<T>| (now.age(cell.get()) <= rules.support_dt) as u32;
-    let support = [nw, n, ne, w, e, sw, s, se].map(supports).iter().sum::<u32>();
+    let (pixel, neighbours) = pixels.neighbourhood(place)?;
+    let support = neighbours.map(|last| (now.age(last) <= rules.support_dt) as u32).iter().sum::<u32>();
     let age = now.age(pixel.get());
     pixel.set(now);
     let mut signal = (age >= rules.refractory) & (support >= rules.support);
     if trails {
-        let last_on = Bit::of(on, index)?;
+        let last_on = Bit::of(on, place)?;
         signal &= (age >= rules.trail) | (last_on.get() != event.is_on());
         last_on.set(event.is_on());
     }
@@ -183,18 +182,20 @@ impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> Filter for Denoise<T, S> {
 
     fn keep(&mut self, event: Event) -> bool {
         let rules = self.rules;
-        self.map.keep(event, |pixels, event, now| is_signal(pixels, event, now, rules, true).unwrap_or(false))
+        self.map.keep(event, |pixels, place, event, now| {
+            is_signal(pixels, place, event, now, rules, true).unwrap_or(false)
+        })
     }
 
     fn retain(&mut self, block: &mut Block<'_>) -> Result<usize, WrongGeometry> {
         let rules = self.rules;
         if rules.trail == OFF {
-            self.map.retain(block, |pixels, event, now| {
-                is_signal(pixels, event, now, rules, false).unwrap_or(false)
+            self.map.retain(block, Reach::Neighbourhood, |pixels, place, event, now| {
+                is_signal(pixels, place, event, now, rules, false).unwrap_or(false)
             })
         } else {
-            self.map.retain(block, |pixels, event, now| {
-                is_signal(pixels, event, now, rules, true).unwrap_or(false)
+            self.map.retain(block, Reach::Neighbourhood, |pixels, place, event, now| {
+                is_signal(pixels, place, event, now, rules, true).unwrap_or(false)
             })
         }
     }

@@ -6,7 +6,7 @@
 //! dropped.
 
 use super::{FilterError, Refresh};
-use crate::time_map::{Pixels, Stamp, TimeMap};
+use crate::time_map::{Pixels, Reach, Stamp, TimeMap};
 use crate::{Block, Event, Filter, Geometry, WrongGeometry};
 
 /// Parameters of [`Refractory`].
@@ -58,8 +58,8 @@ impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> Refractory<T, S> {
 }
 
 #[inline(always)]
-fn rested<T: Stamp>(pixels: &Pixels<'_, T>, event: Event, now: T, dt: i32, refresh: Refresh) -> bool {
-    let Some(pixel) = pixels.centre(pixels.index(event.x(), event.y())) else { return false };
+fn rested<T: Stamp>(pixels: &Pixels<'_, T>, place: usize, now: T, dt: i32, refresh: Refresh) -> bool {
+    let Some(pixel) = pixels.pixel(place) else { return false };
     let last = pixel.get();
     let keep = now.age(last) >= dt;
     pixel.set(if keep | matches!(refresh, Refresh::All) { now } else { last });
@@ -73,18 +73,18 @@ impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> Filter for Refractory<T, S> {
 
     fn keep(&mut self, event: Event) -> bool {
         let (dt, refresh) = (self.dt, self.refresh);
-        self.map.keep(event, |pixels, event, now| rested(pixels, event, now, dt, refresh))
+        self.map.keep(event, |pixels, place, _, now| rested(pixels, place, now, dt, refresh))
     }
 
     fn retain(&mut self, block: &mut Block<'_>) -> Result<usize, WrongGeometry> {
         let dt = self.dt;
         match self.refresh {
-            Refresh::Kept => {
-                self.map.retain(block, |pixels, event, now| rested(pixels, event, now, dt, Refresh::Kept))
-            }
-            Refresh::All => {
-                self.map.retain(block, |pixels, event, now| rested(pixels, event, now, dt, Refresh::All))
-            }
+            Refresh::Kept => self.map.retain(block, Reach::Pixel, |pixels, place, _, now| {
+                rested(pixels, place, now, dt, Refresh::Kept)
+            }),
+            Refresh::All => self.map.retain(block, Reach::Pixel, |pixels, place, _, now| {
+                rested(pixels, place, now, dt, Refresh::All)
+            }),
         }
     }
 }
