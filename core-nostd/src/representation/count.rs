@@ -3,7 +3,8 @@
 use core::marker::PhantomData;
 
 use crate::representation::{BadRepresentation, Build, Parameters, Tally, check, index};
-use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
+use crate::vector::widest;
+use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Number of events of each pixel, of either polarity: 1 x H x W of u8, u16 or f32.
 ///
@@ -50,18 +51,28 @@ impl<P: Tally> Representation for Count<P> {
 
     fn accumulate(&mut self, span: Span<'_>, out: &mut [P]) -> Result<(), WrongGeometry> {
         check(self.geometry, &span)?;
-        let (geometry, mut saturated) = (self.geometry, 0);
-        let prepare = |event| (index::by_pixel(geometry, event), ());
-        index::for_each(span.events, prepare, |at, ()| {
-            if let Some(cell) = out.get_mut(at) {
-                saturated += u64::from(!cell.count());
-            }
-        });
-        self.saturated += saturated;
+        let geometry = self.geometry;
+        self.saturated += widest(
+            #[inline(always)]
+            || add(geometry, span.events, out),
+        );
         Ok(())
     }
 
     fn finish(&mut self, _: &mut [P]) {}
+}
+
+/// Counts events; returns how many could not be.
+#[inline(always)]
+fn add<P: Tally>(geometry: Geometry, events: &[Event], out: &mut [P]) -> u64 {
+    let mut saturated = 0;
+    let prepare = |event| (index::by_pixel(geometry, event), ());
+    index::for_each(events, prepare, |at, ()| {
+        if let Some(cell) = out.get_mut(at) {
+            saturated += u64::from(!cell.count());
+        }
+    });
+    saturated
 }
 
 impl<P: Tally, S> Build<S> for Count<P> {

@@ -7,6 +7,7 @@ use core::marker::PhantomData;
 
 use crate::math::exp;
 use crate::representation::{BadRepresentation, Build, Parameters, Real, check, index};
+use crate::vector::widest;
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// See [`TimeSurface::TAU_US_MAX`].
@@ -117,31 +118,49 @@ impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> Representation for TimeSurface<P, 
 
     fn accumulate(&mut self, span: Span<'_>, _: &mut [P]) -> Result<(), WrongGeometry> {
         check(self.geometry, &span)?;
-        let (geometry, map) = (self.geometry, self.map.as_mut());
-        let t0 = self.window.t0 as u32;
-        let length = self.window.t1.saturating_sub(self.window.t0).min(OLD_US.into()) as i32;
-        let prepare = |event: Event| {
-            let since = (event.t().wrapping_sub(t0) as i32).max(0).min(length);
-            (index::by_polarity(geometry, event), t0.wrapping_add(since as u32))
-        };
-        index::for_each(span.events, prepare, |at, stamp| {
-            // Stores that miss the cache wait for each other, loads do not: hence the look before.
-            if let Some(last) = map.get_mut(at).filter(|last| **last != stamp) {
-                *last = stamp;
-            }
-        });
+        let (geometry, window, map) = (self.geometry, self.window, self.map.as_mut());
+        widest(
+            #[inline(always)]
+            || stamp(geometry, window, span.events, map),
+        );
         Ok(())
     }
 
     fn finish(&mut self, out: &mut [P]) {
-        let t1 = self.window.t1 as u32;
-        let rate = -1.0 / self.tau_us as f32;
-        let age_end = (self.tau_us * DECAYS_MAX) as i32;
-        for (pixel, last) in out.iter_mut().zip(self.map.as_ref()) {
-            let age = t1.wrapping_sub(*last) as i32;
-            let value = exp(age as f32 * rate);
-            *pixel = P::from_share(if age < age_end { value } else { 0.0 });
+        let (now, tau_us, map) = (self.window.t1 as u32, self.tau_us, self.map.as_ref());
+        widest(
+            #[inline(always)]
+            || decay(now, tau_us, map, out),
+        );
+    }
+}
+
+/// Notes the times of events, as far as they lie in the window.
+#[inline(always)]
+fn stamp(geometry: Geometry, window: Window, events: &[Event], map: &mut [u32]) {
+    let t0 = window.t0 as u32;
+    let length = window.t1.saturating_sub(window.t0).min(OLD_US.into()) as i32;
+    let prepare = |event: Event| {
+        let since = (event.t().wrapping_sub(t0) as i32).max(0).min(length);
+        (index::by_polarity(geometry, event), t0.wrapping_add(since as u32))
+    };
+    index::for_each(events, prepare, |at, stamp| {
+        // Stores that miss the cache wait for each other, loads do not: hence the look before.
+        if let Some(last) = map.get_mut(at).filter(|last| **last != stamp) {
+            *last = stamp;
         }
+    });
+}
+
+/// exp(-age / tau) of each time in the map.
+#[inline(always)]
+fn decay<P: Real>(now: u32, tau_us: u32, map: &[u32], out: &mut [P]) {
+    let rate = -1.0 / tau_us as f32;
+    let age_end = (tau_us * DECAYS_MAX) as i32;
+    for (pixel, last) in out.iter_mut().zip(map) {
+        let age = now.wrapping_sub(*last) as i32;
+        let value = exp(age as f32 * rate);
+        *pixel = P::from_share(if age < age_end { value } else { 0.0 });
     }
 }
 
@@ -152,5 +171,26 @@ impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> Build<S> for TimeSurface<P, S> {
 
     fn build(parameters: &Parameters, geometry: Geometry, state: S) -> Result<Self, BadRepresentation> {
         Self::try_new(geometry, parameters.tau_us, state)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wider_vectors_give_the_same_bits() {
+        let geometry = Geometry::new(101, 53);
+        let map: Vec<u32> =
+            (0..2 * geometry.pixels() as u32).map(|i| i.wrapping_mul(0x9E37_79B1) >> 9).collect();
+        let mut surface = TimeSurface::<f32, _>::try_new(geometry, 300_000, map.clone()).unwrap();
+        surface.window.t1 = 1 << 23;
+        let mut wide = vec![0.0; map.len()];
+        surface.finish(&mut wide);
+        let mut plain = vec![0.0f32; map.len()];
+        decay(1 << 23, 300_000, &map, &mut plain);
+        let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&wide), bits(&plain));
+        assert!(wide.iter().filter(|value| **value > 0.0).count() > map.len() / 2);
     }
 }

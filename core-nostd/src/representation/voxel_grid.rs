@@ -4,6 +4,7 @@
 //! with the window's bounds in place of the first and last event's times.
 
 use crate::representation::{BadRepresentation, Build, Parameters, check, index};
+use crate::vector::widest;
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Adding it rounds a small number to a whole one, which is then in the low bits of the sum.
@@ -94,26 +95,35 @@ impl Representation for VoxelGrid {
 
     fn accumulate(&mut self, span: Span<'_>, out: &mut [f32]) -> Result<(), WrongGeometry> {
         check(self.geometry, &span)?;
-        let pixels = self.geometry.pixels();
         let (geometry, clock) = (self.geometry, self.clock);
-        let prepare = |event: Event| {
-            let (bin, share) = clock.bin(event);
-            let index = bin.wrapping_mul(pixels as u32).wrapping_add(index::by_pixel(geometry, event));
-            let off = !event.on_mask() & SIGN_BIT;
-            (index, [1.0 - share, share].map(|weight| f32::from_bits(weight.to_bits() ^ off)))
-        };
-        index::for_each(span.events, prepare, |at, [low, high]| {
-            if let Some(cell) = out.get_mut(at) {
-                *cell += low;
-            }
-            if let Some(cell) = out.get_mut(at + pixels) {
-                *cell += high;
-            }
-        });
+        widest(
+            #[inline(always)]
+            || add(geometry, clock, span.events, out),
+        );
         Ok(())
     }
 
     fn finish(&mut self, _: &mut [f32]) {}
+}
+
+/// Adds events to the two bins around each.
+#[inline(always)]
+fn add(geometry: Geometry, clock: Clock, events: &[Event], out: &mut [f32]) {
+    let pixels = geometry.pixels();
+    let prepare = |event: Event| {
+        let (bin, share) = clock.bin(event);
+        let index = bin.wrapping_mul(pixels as u32).wrapping_add(index::by_pixel(geometry, event));
+        let off = !event.on_mask() & SIGN_BIT;
+        (index, [1.0 - share, share].map(|weight| f32::from_bits(weight.to_bits() ^ off)))
+    };
+    index::for_each(events, prepare, |at, [low, high]| {
+        if let Some(cell) = out.get_mut(at) {
+            *cell += low;
+        }
+        if let Some(cell) = out.get_mut(at + pixels) {
+            *cell += high;
+        }
+    });
 }
 
 impl<S> Build<S> for VoxelGrid {
@@ -123,5 +133,30 @@ impl<S> Build<S> for VoxelGrid {
 
     fn build(parameters: &Parameters, geometry: Geometry, _: S) -> Result<Self, BadRepresentation> {
         Self::try_new(geometry, parameters.bins)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Polarity;
+
+    #[test]
+    fn wider_vectors_give_the_same_bits() {
+        let geometry = Geometry::new(7, 3);
+        let events: Vec<Event> = (0..1_000u32)
+            .map(|i| {
+                Event::new(i * 13 % 1_003, (i % 7) as u16, (i % 3) as u16, Polarity::from_bit(i as u16 / 5))
+            })
+            .collect();
+        let window = Window { t0: 100, t1: 1_000 };
+        let mut stage = VoxelGrid::try_new(geometry, 9).unwrap();
+        let mut wide = vec![0.0; stage.shape().len()];
+        stage.begin(window, &mut wide);
+        stage.accumulate(Span { t_first: 0, t_last: 0, geometry, events: &events }, &mut wide).unwrap();
+        let mut plain = vec![0.0f32; wide.len()];
+        add(geometry, Clock::new(window, 9), &events, &mut plain);
+        let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&wide), bits(&plain));
     }
 }
