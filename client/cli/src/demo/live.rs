@@ -160,7 +160,7 @@ impl<'a> Live<'a> {
             out_evs: self.viewer.rates.out_evs,
             verdict: self.plan.truth.scene().map(|_| &self.viewer.verdict),
             floor: self.floor,
-            daemon: (self.daemon.pid(), self.viewer.generation, self.viewer.is_connected()),
+            daemon: (self.daemon.pid(), self.viewer.generations, self.viewer.is_connected()),
             readers: self.readers.each_ref().map(Reader::line),
         }
     }

@@ -40,13 +40,13 @@ impl Plan {
     /// Renders the scene, or looks at the recording.
     pub fn new(args: &DemoArgs) -> Result<Self, Failure> {
         remove_stale_roots();
-        let folder = std::env::temp_dir().join(format!("lobula-demo-{}", std::process::id()));
-        std::fs::create_dir_all(&folder)
-            .map_err(|error| Failure::general(format!("{}: {error}", folder.display())))?;
         let (source, truth, filters, rate_evs) = match &args.input {
             Some(path) => recording(args, path)?,
             None => synthetic(args.rate.0)?,
         };
+        let folder = std::env::temp_dir().join(format!("lobula-demo-{}", std::process::id()));
+        std::fs::create_dir_all(&folder)
+            .map_err(|error| Failure::general(format!("{}: {error}", folder.display())))?;
         Ok(Self {
             source,
             truth,

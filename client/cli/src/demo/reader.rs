@@ -44,12 +44,19 @@ pub fn run(args: &ReaderArgs) -> Result<(), Failure> {
     let teller = thread::spawn(move || tell(&told));
     let mut note = Note { book: Book::default(), latencies_ns: Vec::with_capacity(4096) };
     let mut due = Instant::now();
+    // The daemon's run, and when its first packet was received here.
+    let (mut generation, mut live_ns) = (0, 0);
     while !ended.load(Ordering::Relaxed) {
         match events.recv(Duration::from_millis(50)) {
             Ok(packet) => {
                 let (now, header) = (lobulad::now_ns(), packet.header());
                 note.book.take(header, packet.len() as u64, packet.lost_before());
-                if header.stamps.due_ns > 0 && !packet.is_empty() {
+                if generation != header.generation {
+                    (generation, live_ns) = (header.generation, now);
+                }
+                // What waited in the queue while this client still connected says nothing of the way.
+                let is_live = header.stamps.published_ns >= live_ns;
+                if is_live && header.stamps.due_ns > 0 && !packet.is_empty() {
                     note.latencies_ns.push(now.saturating_sub(header.stamps.due_ns));
                 }
             }

@@ -34,7 +34,7 @@ pub struct Frame<'a> {
     pub verdict: Option<&'a Verdict>,
     /// Latency of iceoryx2 alone.
     pub floor: Percentiles,
-    /// Process, generation, and whether it is there.
+    /// Process of the daemon, number of its generation, and whether it is there.
     pub daemon: (u32, u64, bool),
     /// The readers.
     pub readers: [ReaderLine; 2],

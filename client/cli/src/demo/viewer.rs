@@ -19,8 +19,9 @@ pub struct Viewer {
     exposure: Exposure,
     /// The last picture taken.
     pub picture: Option<Picture>,
-    /// The newest generation seen, and 0 before.
-    pub generation: u64,
+    /// Generations of the daemon seen so far.
+    pub generations: u64,
+    generation: u64,
 }
 
 impl Viewer {
@@ -34,6 +35,7 @@ impl Viewer {
             rates: Rates::default(),
             exposure: Exposure::new(exposure_us),
             picture: None,
+            generations: 0,
             generation: 0,
         })
     }
@@ -55,6 +57,7 @@ impl Viewer {
 
     fn look(&mut self, truth: &Truth, packet: &Packet) -> Result<(), Failure> {
         let header = packet.header();
+        self.generations += u64::from(self.generation != header.generation);
         self.generation = header.generation;
         self.rates.take(header);
         if let Some(scene) = truth.scene() {
