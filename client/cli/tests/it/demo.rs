@@ -1,6 +1,7 @@
 //! `lobula demo`: its sums, its digests, and that it leaves nothing behind.
 
-use crate::tool::{failure, lobula, run, shared};
+use crate::tool::{failure, lobula, run};
+use lobula_tests::data;
 use serde_json::Value;
 use std::path::Path;
 
@@ -49,7 +50,7 @@ fn the_demo_adds_up_and_leaves_nothing_behind() {
 
 #[test]
 fn a_recording_can_be_the_camera() {
-    let Some(path) = shared("evt3_gen41_1280x720.raw") else { return };
+    let Some(path) = data("evt3_gen41_1280x720.raw") else { return };
     holds(&demo(&["--seconds", "2", "--input", path.to_str().unwrap()]));
 }
 

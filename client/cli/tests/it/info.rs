@@ -1,6 +1,7 @@
 //! `lobula info`: the truth about real recordings, and what it says of files that are none.
 
-use crate::tool::{failure, run, shared};
+use crate::tool::{failure, run};
+use lobula_tests::data;
 use serde_json::Value;
 use std::path::Path;
 
@@ -12,7 +13,7 @@ fn info(path: &Path) -> Value {
 
 #[test]
 fn real_recordings_give_the_truth() {
-    let Some(truth) = shared("truth.json") else { return };
+    let Some(truth) = data("truth.json") else { return };
     let truth: Value = serde_json::from_slice(&std::fs::read(truth).unwrap()).unwrap();
     let recordings = truth
         .as_object()
@@ -21,7 +22,7 @@ fn real_recordings_give_the_truth() {
         .filter(|(name, _)| name.starts_with("evt") && name.ends_with(".raw"));
     let mut seen = 0;
     for (name, truth) in recordings {
-        let Some(path) = shared(name) else { return };
+        let Some(path) = data(name) else { return };
         let found = info(&path);
         for key in ["events", "on", "off", "t_first_us", "t_last_us", "width", "height", "sha256"] {
             assert_eq!(found[key], truth[key], "{key} of {name}");
@@ -33,7 +34,7 @@ fn real_recordings_give_the_truth() {
 
 #[test]
 fn people_get_the_same_numbers() {
-    let Some(path) = shared("evt3_gen41_1280x720.raw") else { return };
+    let Some(path) = data("evt3_gen41_1280x720.raw") else { return };
     let text = String::from_utf8(run(&["info", path.to_str().unwrap()]).stdout).unwrap();
     let events = info(&path)["events"].to_string();
     assert!(text.replace(' ', "").contains(&format!("events{events}(")), "{text}");
