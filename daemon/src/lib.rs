@@ -39,4 +39,4 @@ mod signals;
 pub use clock::now_ns;
 pub use daemon::{Daemon, StartError, check};
 pub use serve::{EXIT_CONFIG, serve};
-pub use signals::die_with_parent;
+pub use signals::{asked as end_asked, catch as catch_signals, die_with_parent};

@@ -15,6 +15,8 @@ impl Failure {
     pub const GENERAL: u8 = 1;
     /// Wrong usage, or a file that cannot be used.
     pub const INPUT: u8 = 2;
+    /// Ended by the user, as shells tell it.
+    pub const INTERRUPTED: u8 = 130;
     const NOT_FOUND: u8 = 3;
     const NO_DAEMON: u8 = 4;
     const PERMISSION: u8 = 5;

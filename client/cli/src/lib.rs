@@ -35,7 +35,7 @@ use std::process::ExitCode;
 /// Runs the tool with the arguments of a command line, the program's name first.
 ///
 /// Exit codes: 0 done, 1 failed, 2 wrong usage or a bad file, 3 no such stream or device, 4 no daemon, 5 no
-/// permission, 6 nothing came in time, 8 another version.
+/// permission, 6 nothing came in time, 8 another version, 78 a configuration that cannot be served, 130 ended by a signal.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let args = match Args::try_parse_from(args) {
         Ok(args) => args,

@@ -140,6 +140,9 @@ impl<'a> Live<'a> {
     }
 
     fn tick(&mut self, screen: &mut Screen, end: Instant) -> Result<(), Failure> {
+        if lobulad::end_asked() {
+            return Err(Failure::general("ended by a signal"));
+        }
         let until = (Instant::now() + TICK).min(end);
         self.viewer.pump(&self.plan.truth, until)?;
         // Without a daemon there is nothing to wait in.

@@ -35,6 +35,14 @@ use screen::Screen;
 
 /// Runs the demo. It fails where a sum is not exact or a digest differs, whatever was seen before.
 pub fn run(args: &DemoArgs) -> Result<(), Failure> {
+    // A signal must not leave processes and memory behind.
+    lobulad::catch_signals();
+    let result = play(args);
+    // What fails then fails since all processes of the terminal were told to end.
+    if lobulad::end_asked() { Err(Failure::new(Failure::INTERRUPTED, "ended by a signal")) } else { result }
+}
+
+fn play(args: &DemoArgs) -> Result<(), Failure> {
     let mut screen = Screen::new(args);
     screen.say(match args.input {
         None => "rendering the scene and learning its hot pixels",

@@ -144,7 +144,9 @@ fn remove_stale_roots() {
         let pid =
             path.to_str().and_then(|path| path.strip_prefix(ROOTS)).and_then(|rest| rest.split('-').next());
         let is_stale = pid.is_some_and(|pid| !Path::new("/proc").join(pid).exists());
-        if is_stale && !path.join("control.sock").exists() {
+        // A daemon that was kept outlives its demo, and answers.
+        let is_kept = std::os::unix::net::UnixStream::connect(path.join("control.sock")).is_ok();
+        if is_stale && !is_kept {
             let _ = std::fs::remove_dir_all(path);
         }
     }

@@ -74,3 +74,24 @@ fn bad_input_is_told_in_one_sentence() {
     assert_eq!((code, said.trim_end().lines().count()), (2, 1), "{said}");
     assert!(said.contains("/nowhere/missing.raw"), "{said}");
 }
+
+/// A signal ends the demo, its processes and its memory.
+#[test]
+fn a_signal_leaves_nothing_behind() {
+    use std::io::{BufRead, BufReader};
+    let mut demo = lobula()
+        .args(["demo", "--seconds", "60", "--rate", "0.3"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(demo.stdout.take().unwrap()).lines();
+    let live = lines.find(|line| line.as_ref().is_ok_and(|line| line.contains("both clients read")));
+    assert!(live.is_some());
+    let pid = demo.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-TERM", &pid]).status().unwrap().success());
+    assert_eq!(demo.wait().unwrap().code(), Some(130));
+    for place in [format!("/dev/shm/lobula-demo-{pid}"), format!("/tmp/lobula-demo-{pid}")] {
+        assert!(!Path::new(&place).exists(), "{place} is left");
+    }
+}
