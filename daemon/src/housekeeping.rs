@@ -239,7 +239,7 @@ impl Desk<'_> {
             faults: faults.collect(),
             triggers: counts.triggers,
             packets: counts.packets,
-            ring_full: self.shared.ring_full.load(Ordering::Relaxed),
+            behind: self.shared.behind.load(Ordering::Relaxed),
             views_missed: self.shared.views_missed.load(Ordering::Relaxed),
             stream_time_us: counts.stream_time_us,
             bytes_per_s,

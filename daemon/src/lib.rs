@@ -31,6 +31,7 @@ mod views;
 mod control;
 mod gate;
 mod housekeeping;
+mod memory;
 
 mod daemon;
 mod serve;

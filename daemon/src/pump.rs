@@ -5,12 +5,13 @@
 //! each loan).
 
 use crate::clock;
-use crate::feed::Deliveries;
+use crate::feed::{self, Deliveries, Delivery};
 use crate::ledger::Counts;
 use crate::pipeline::{Arrival, Outlet, Pipeline};
 use crate::publish::EventOutlet;
 use crate::shared::Shared;
 use crate::views::ViewInlet;
+use core::sync::atomic::Ordering;
 use core::time::Duration;
 use lobula_client::{Flags, PacketHeader};
 use lobula_core::{Event, Fault};
@@ -19,6 +20,8 @@ use std::thread::{self, Thread};
 
 /// Time between two packets after the end, which tell clients that come late.
 const AFTER_END: Duration = Duration::from_millis(10);
+/// A transfer taken so long after it was due tells of a machine too slow.
+const BEHIND_NS: u64 = 10_000_000;
 const NS_PER_S: u64 = 1_000_000_000;
 
 /// The pipeline with its ports.
@@ -36,8 +39,9 @@ struct Ports {
     views: Option<ViewInlet>,
     latency: Latency,
     stream_time_us: u64,
-    /// When the packet before was sent, or could not be.
+    /// When the packet before was sent, or could not be, and whether it was empty.
     sent_ns: u64,
+    sent_empty: bool,
 }
 
 /// Published - arrived.
@@ -60,8 +64,15 @@ impl Pump {
         events: EventOutlet,
         views: Option<ViewInlet>,
     ) -> Self {
-        let ports =
-            Ports { shared, events, views, latency: Latency::default(), stream_time_us: 0, sent_ns: 0 };
+        let ports = Ports {
+            shared,
+            events,
+            views,
+            latency: Latency::default(),
+            stream_time_us: 0,
+            sent_ns: 0,
+            sent_empty: false,
+        };
         Self { pipeline, ports, beat: Duration::from_micros(packet_us.into()) }
     }
 
@@ -69,29 +80,17 @@ impl Pump {
     pub fn run(mut self, mut deliveries: Deliveries, source: &Thread) {
         clock::wake_punctually();
         loop {
-            let Some(delivery) = deliveries.pop() else {
-                thread::park_timeout(self.beat);
-                if deliveries.ring().is_empty() {
-                    self.beat();
-                }
-                continue;
-            };
+            self.wait(&mut deliveries);
+            let Some(delivery) = deliveries.pop() else { continue };
             let stamped = delivery.header();
-            let arrival = Arrival {
-                bytes: delivery.elements(),
-                due_ns: stamped.due_ns,
-                arrived_ns: stamped.arrived_ns,
-                lost: 0,
-                restart: stamped.restart,
-            };
-            self.pipeline.feed(arrival, &mut self.ports);
-            drop(delivery);
-            source.unpark();
             if stamped.end {
                 break;
             }
+            self.feed(&stamped, delivery.elements());
+            drop(delivery);
+            feed::freed(&deliveries, source);
             // The source pauses: what waits for more to fill its packet goes now.
-            if deliveries.ring().is_empty() {
+            if !is_due(&mut deliveries) {
                 self.pipeline.flush(&mut self.ports);
             }
             self.report();
@@ -99,13 +98,48 @@ impl Pump {
         self.end();
     }
 
-    /// An empty packet after a packet's time without one. A lossless replay has no need of it: its clients wait.
-    fn beat(&mut self) {
-        let beat_ns = self.beat.as_nanos() as u64;
-        if !self.ports.shared.lossless && clock::now_ns() >= self.ports.sent_ns + beat_ns {
-            self.pipeline.heartbeat(&mut self.ports);
-            self.report();
+    /// Waits for the next delivery, and while there is none lets clients see that stream time goes on.
+    fn wait(&mut self, deliveries: &mut Deliveries) {
+        while !is_due(deliveries) {
+            let now = clock::now_ns();
+            let beat_ns = self.next_beat_ns();
+            let wake_ns = deliveries.peek().map_or(beat_ns, |(next, _)| next.due_ns.min(beat_ns));
+            if wake_ns > now {
+                thread::park_timeout(Duration::from_nanos(wake_ns - now));
+            } else {
+                self.beat();
+            }
+            if self.ports.shared.is_stopping() && !deliveries.ring().is_empty() {
+                return;
+            }
         }
+    }
+
+    fn feed(&mut self, stamped: &Delivery, bytes: &[u8]) {
+        let now = clock::now_ns();
+        if stamped.due_ns > now {
+            return; // all stops, and these bytes have not come yet
+        }
+        if stamped.due_ns > 0 && now - stamped.due_ns > BEHIND_NS {
+            self.ports.shared.behind.fetch_add(1, Ordering::Relaxed);
+        }
+        let arrived_ns = if stamped.due_ns > 0 { now } else { stamped.came_ns };
+        let due_ns = stamped.due_ns;
+        let arrival = Arrival { bytes, due_ns, arrived_ns, lost: 0, restart: stamped.restart };
+        self.pipeline.feed(arrival, &mut self.ports);
+    }
+
+    /// When an empty packet is due: two packets' time after one with events, so that a paced source's jitter makes
+    /// none, then each packet's time. A lossless replay has no need of it, as its clients wait.
+    fn next_beat_ns(&self) -> u64 {
+        let beats = if self.ports.sent_empty { 1 } else { 2 };
+        let beat_ns = self.beat.as_nanos() as u64 * beats;
+        if self.ports.shared.lossless { clock::now_ns() + beat_ns } else { self.ports.sent_ns + beat_ns }
+    }
+
+    fn beat(&mut self) {
+        self.pipeline.heartbeat(&mut self.ports);
+        self.report();
     }
 
     /// The source has ended. Clients that come later are told so; a lossless replay has told each of its clients.
@@ -138,13 +172,18 @@ impl Pump {
     }
 }
 
+/// Whether the next delivery is to be taken now.
+fn is_due(deliveries: &mut Deliveries) -> bool {
+    deliveries.peek().is_some_and(|(next, _)| next.due_ns <= clock::now_ns())
+}
+
 impl Outlet for Ports {
     fn packet(&mut self, header: PacketHeader, events: &[Event]) -> bool {
         let sent = self.events.send(header, events, clock::now_ns).unwrap_or_else(|error| {
             self.shared.degrade(format!("packets cannot be sent: {error}"));
             None
         });
-        self.sent_ns = clock::now_ns();
+        (self.sent_ns, self.sent_empty) = (clock::now_ns(), events.is_empty());
         self.stream_time_us = header.t_last;
         let Some(header) = sent else { return false };
         if !events.is_empty() {

@@ -24,8 +24,8 @@ pub struct Shared {
     pub board: Board,
     /// The views' counts, in the order of the configuration.
     pub views: Vec<ViewCounts>,
-    /// Times the source had to wait for the pipeline.
-    pub ring_full: AtomicU64,
+    /// Transfers that were taken long after they were due.
+    pub behind: AtomicU64,
     /// Packets that the views did not get since they were behind.
     pub views_missed: AtomicU64,
     stop: AtomicBool,
@@ -56,7 +56,7 @@ impl Shared {
             patience: Arc::default(),
             board: Board::default(),
             views: (0..views).map(|_| ViewCounts::default()).collect(),
-            ring_full: AtomicU64::new(0),
+            behind: AtomicU64::new(0),
             views_missed: AtomicU64::new(0),
             stop: AtomicBool::new(false),
             play: AtomicBool::new(!lossless),

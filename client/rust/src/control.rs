@@ -188,8 +188,8 @@ pub struct Status {
     pub triggers: u64,
     /// Packets published, heartbeats included.
     pub packets: u64,
-    /// Transfers the source had to hold back since the pipeline was behind.
-    pub ring_full: u64,
+    /// Transfers of a paced source that were taken more than 10 ms after they were due: the machine is too slow for it.
+    pub behind: u64,
     /// Packets that the views did not get since they were behind.
     pub views_missed: u64,
     /// Stream time in µs.

@@ -9,6 +9,9 @@ fn lobulad(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_lobulad")).args(arguments).output().unwrap()
 }
 
+const SMALL: &str =
+    "[camera]\nsource = { kind = \"synthetic\", rate_evs = 10000, geometry = { width = 64, height = 48 } }\n";
+
 #[track_caller]
 fn one_sentence(output: &Output, code: i32, parts: &[&str]) {
     let text = String::from_utf8(output.stderr.clone()).unwrap();
@@ -36,7 +39,7 @@ fn bad_configurations_end_with_78() {
         one_sentence(&lobulad(&["--config", path]), 78, parts);
     }
     one_sentence(&lobulad(&["--config", "/not/there.toml"]), 78, &["/not/there.toml"]);
-    std::fs::write(path, "").unwrap();
+    std::fs::write(path, SMALL).unwrap();
     let output = lobulad(&["--check", path]);
     assert!(output.status.success() && String::from_utf8(output.stdout).unwrap().contains("ok"));
 }
@@ -47,9 +50,8 @@ fn an_instance_in_use_and_one_without_a_daemon_are_told() {
     let error = Client::connect(stage.options()).unwrap_err();
     assert_eq!(error, Error::NoDaemon { root: stage.root() });
     assert!(!stage.root().path().exists(), "a client makes no directory");
-    let small = "[camera]\nsource = { kind = \"synthetic\", rate_evs = 10000, geometry = { width = 64, height = 48 } }";
-    let daemon = stage.daemon(small);
-    let error = Daemon::start(&stage.config(small)).unwrap_err();
+    let daemon = stage.daemon(SMALL);
+    let error = Daemon::start(&stage.config(SMALL)).unwrap_err();
     assert_eq!(error, StartError::System(Error::InUse { root: stage.root() }));
     stage.client().status().unwrap();
     daemon.stop();
@@ -63,8 +65,9 @@ fn a_small_shm_is_one_sentence_and_never_a_sigbus() {
     let shm = stage.path("shm");
     std::fs::create_dir(&shm).unwrap();
     let config = stage.path("big.toml");
+    let camera = "[camera]\nsource = { kind = \"synthetic\", rate_evs = 10000 }\n";
     let view = "[[view]]\nname = \"v\"\nkind = \"voxel_grid\"\nperiod_us = 10000\n";
-    std::fs::write(&config, view).unwrap();
+    std::fs::write(&config, format!("{camera}{view}")).unwrap();
     let mounted = Command::new("unshare")
         .args(["--mount", "sh", "-c", "mount -t tmpfs -o size=16m,mode=700 none \"$0\" && exec \"$@\""])
         .arg(&shm)
