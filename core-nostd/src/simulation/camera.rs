@@ -42,21 +42,38 @@ pub struct CameraPacket {
 #[derive(Clone, Debug)]
 pub struct Camera {
     geometry: Geometry,
-    /// The words of one loop.
-    words: Vec<u16>,
+    /// The words of one loop, little-endian.
+    words: Vec<[u8; 2]>,
+    /// Where the loop's time is told, in order.
+    lows: Vec<Low>,
+    /// The loop's TIME_HIGH words, which alone differ from loop to loop.
+    highs: Vec<High>,
     period_us: u64,
     packet_us: u64,
     /// The next word.
     place: usize,
     loops: u64,
-    /// Stream time that the words before `place` have told.
-    high_us: u64,
     t_end_us: u64,
+}
+
+/// A TIME_LOW word: which, and what time is from there on.
+#[derive(Clone, Copy, Debug)]
+struct Low {
+    word: usize,
+    t: u64,
+}
+
+/// A TIME_HIGH word: which, and its value in the first loop.
+#[derive(Clone, Copy, Debug)]
+struct High {
+    word: usize,
+    value: u64,
 }
 
 /// The type of an EVT3 word is its upper four bits; its payload the lower twelve.
 const TIME_LOW: u16 = 0x6;
 const TIME_HIGH: u16 = 0x8;
+const PAYLOAD: u16 = 0xfff;
 
 /// One step of TIME_HIGH.
 const HIGH_US: u64 = PERIOD_STEP_US as u64;
@@ -67,14 +84,29 @@ impl Camera {
 
     /// The camera that looks at `scene`, in packets of [`PACKET_US`](Self::PACKET_US).
     pub fn new(scene: &Scene) -> Self {
+        let words = encode(scene);
+        let (mut lows, mut highs, mut high) = (Vec::new(), Vec::new(), 0);
+        for (word, bytes) in words.iter().enumerate() {
+            let bits = u16::from_le_bytes(*bytes);
+            let payload = u64::from(bits & PAYLOAD);
+            match bits >> 12 {
+                TIME_LOW => lows.push(Low { word, t: high * HIGH_US + payload }),
+                TIME_HIGH => {
+                    high = payload;
+                    highs.push(High { word, value: high });
+                }
+                _ => {}
+            }
+        }
         Self {
             geometry: scene.geometry(),
-            words: encode(scene),
+            words,
+            lows,
+            highs,
             period_us: scene.period_us(),
             packet_us: Self::PACKET_US as u64,
             place: 0,
             loops: 0,
-            high_us: 0,
             t_end_us: 0,
         }
     }
@@ -95,56 +127,61 @@ impl Camera {
     }
 
     /// Writes the bytes of the next stretch of stream time to `out`, of any length from 2 bytes on.
+    ///
+    /// It costs a copy: 12 µs for the 90 kB of 1 ms at 30 Mev/s, 0.3 ns a word (Xeon with AVX-512, 2 shared cores).
     pub fn next_packet(&mut self, out: &mut [u8]) -> CameraPacket {
-        let t_end = self.t_end_us + self.packet_us;
-        let mut bytes = 0;
-        for slot in out.chunks_exact_mut(2) {
-            let Some(word) = self.next_word(t_end) else {
-                self.t_end_us = t_end;
-                return CameraPacket { bytes, t_end_us: t_end, complete: true };
-            };
-            slot.copy_from_slice(&word.to_le_bytes());
-            bytes += 2;
-        }
-        CameraPacket { bytes, t_end_us: t_end, complete: false }
-    }
-
-    /// The next word, unless it is of time `t_end` or later.
-    #[inline(always)]
-    fn next_word(&mut self, t_end: u64) -> Option<u16> {
-        if self.place >= self.words.len() {
-            if self.words.is_empty() {
-                return None;
+        let t_end_us = self.t_end_us + self.packet_us;
+        let (slots, _) = out.as_chunks_mut::<2>();
+        let mut written = 0;
+        loop {
+            let end = self.place_of(t_end_us);
+            let spare = slots.get_mut(written..).unwrap_or_default();
+            let len = (end - self.place).min(spare.len());
+            self.copy(spare.get_mut(..len).unwrap_or_default());
+            written += len;
+            if self.place < end {
+                return CameraPacket { bytes: 2 * written, t_end_us, complete: false };
+            }
+            if self.place < self.words.len() || self.words.is_empty() {
+                self.t_end_us = t_end_us;
+                return CameraPacket { bytes: 2 * written, t_end_us, complete: true };
             }
             self.place = 0;
             self.loops += 1;
         }
-        let word = self.words.get(self.place).copied()?;
-        let word = match word >> 12 {
-            TIME_LOW if self.high_us + (word & 0xfff) as u64 >= t_end => return None,
-            TIME_HIGH => {
-                let high_us = self.loops * self.period_us + ((word & 0xfff) as u64) * HIGH_US;
-                if high_us >= t_end {
-                    return None;
-                }
-                self.high_us = high_us;
-                TIME_HIGH << 12 | (high_us / HIGH_US) as u16 & 0xfff
-            }
-            _ => word,
-        };
-        self.place += 1;
-        Some(word)
+    }
+
+    /// The first word of this loop, from the next one on, that tells a time of `t_end` or later.
+    fn place_of(&self, t_end: u64) -> usize {
+        let t_end = t_end.saturating_sub(self.loops * self.period_us);
+        let low = self.lows.partition_point(|low| low.t < t_end);
+        self.lows.get(low).map_or(self.words.len(), |low| low.word).max(self.place)
+    }
+
+    /// Writes the next words, as many as there are slots.
+    fn copy(&mut self, slots: &mut [[u8; 2]]) {
+        let start = self.place;
+        let words = self.words.get(start..).unwrap_or_default();
+        for (slot, word) in slots.iter_mut().zip(words) {
+            *slot = *word;
+        }
+        let first = self.highs.partition_point(|high| high.word < start);
+        for high in self.highs.get(first..).unwrap_or_default() {
+            let Some(slot) = slots.get_mut(high.word - start) else { break };
+            let value = (self.loops * self.period_us / HIGH_US + high.value) as u16 & PAYLOAD;
+            *slot = (TIME_HIGH << 12 | value).to_le_bytes();
+        }
+        self.place += slots.len();
     }
 }
 
 /// The loop as EVT3 words; since it starts with a new encoder it tells time and row from its first word on.
-fn encode(scene: &Scene) -> Vec<u16> {
+fn encode(scene: &Scene) -> Vec<[u8; 2]> {
     let mut encoder = Encoder::new();
     let mut bytes = vec![0; 1 << 16];
     let mut words = Vec::new();
     let mut put = |bytes: &[u8]| {
-        let pairs = bytes.chunks_exact(2).filter_map(|pair| pair.try_into().ok());
-        words.extend(pairs.map(u16::from_le_bytes));
+        words.extend_from_slice(bytes.as_chunks().0);
     };
     let mut events = scene.events();
     while !events.is_empty() {
@@ -234,7 +271,8 @@ mod tests {
     #[test]
     fn rows_travel_as_vectors() {
         let camera = Camera::new(&scene());
-        let vectors = camera.words.iter().filter(|word| matches!(*word >> 12, 0x4 | 0x5)).count();
+        let vectors =
+            camera.words.iter().filter(|word| matches!(u16::from_le_bytes(**word) >> 12, 0x4 | 0x5)).count();
         assert!(vectors > camera.words.len() / 50, "{vectors} of {}", camera.words.len());
     }
 }
