@@ -58,10 +58,12 @@ impl ViewInlet {
         Self { producer, views, gap: false }
     }
 
-    /// Hands a packet on. Where the ring is full the views miss it; a lossless replay waits.
+    /// Hands a packet on. Where the ring is full the views miss it; a lossless replay waits, and so does the end, for
+    /// which the views wait, also when all stops.
     pub fn push(&mut self, header: &PacketHeader, events: &[Event], shared: &Shared) {
-        let must = shared.lossless || header.flags().contains(Flags::END);
-        while must && self.producer.ring().len() >= self.producer.ring().count() && !shared.is_stopping() {
+        let end = header.flags().contains(Flags::END);
+        let must = || end || (shared.lossless && !shared.is_stopping());
+        while self.producer.ring().len() >= self.producer.ring().count() && must() {
             self.views.unpark();
             thread::park_timeout(Duration::from_micros(200));
         }
@@ -307,5 +309,38 @@ impl Canvas for Easel {
         *loan.user_header_mut() = self.header(closed.window, closed.events, end);
         self.send(loan);
         self.ended |= end;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_end_reaches_views_that_are_behind_also_when_all_stops() {
+        let shared = Arc::new(Shared::new(1, "cam0".into(), Geometry::new(1, 1), false, 1));
+        shared.stop();
+        let pushing = shared.clone();
+        let (producer, mut arrivals) = ring();
+        let mut inlet = ViewInlet::new(producer, thread::current());
+        let pipeline = thread::spawn(move || {
+            for _ in 0..2 * SLOTS {
+                inlet.push(&PacketHeader::default(), &[], &pushing);
+            }
+            inlet.push(&PacketHeader { flags: Flags::END.0, ..PacketHeader::default() }, &[], &pushing);
+        });
+        while shared.views_missed.load(Ordering::Relaxed) < SLOTS as u64 {
+            thread::yield_now();
+        }
+        let mut ended = false;
+        while !ended {
+            let done = pipeline.is_finished();
+            match arrivals.pop() {
+                Some(packet) => ended = packet.header().flags.contains(Flags::END),
+                None if done => break,
+                None => thread::yield_now(),
+            }
+        }
+        assert!(ended);
     }
 }
