@@ -1,5 +1,7 @@
 //! Events without those of pixels that fire far too often.
 
+use std::hint::black_box;
+
 use lobula_core::filter::{HotPixelFilter, HotPixelLearner, PixelMask};
 
 use super::Op;
@@ -27,7 +29,10 @@ pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<V
     };
     let mut filter = learn(scene)?;
     let kept = op.checked(scene, peer, &mut filter)?;
-    let whole = Box::new(|| learn(scene).map_or(0, |mut filter| thin(scene, &mut filter).len() as u64));
+    let whole = Box::new(|| {
+        let kept = learn(scene).and_then(|mut filter| thin(scene, &mut filter));
+        black_box(kept).map_or(0, |kept| kept.len() as u64)
+    });
     Ok(vec![
         op.contest(Protocol::Whole, scene, peer, kept, whole),
         op.contest(Protocol::Stream, scene, peer, kept, thin_in_packets(scene, filter)),

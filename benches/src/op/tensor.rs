@@ -4,6 +4,7 @@ use std::hint::black_box;
 
 use bytemuck::Zeroable;
 use lobula_core::Representation;
+use lobula_formats::LargeArray;
 
 use super::Op;
 use crate::contest::{Contest, Protocol, Unit, Work};
@@ -99,7 +100,7 @@ fn fill<R: Representation>(scene: &Scene, representation: &mut R, out: &mut [R::
 fn whole<'a, R: Representation>(scene: &'a Scene, make: impl Fn() -> R + 'a) -> Work<'a> {
     Box::new(move || {
         let mut representation = make();
-        let mut out = vec![R::Pixel::zeroed(); representation.shape().len()];
+        let Ok(mut out) = LargeArray::<R::Pixel>::zeroed(representation.shape().len()) else { return 0 };
         let span = scene.span(TENSOR_EVENTS);
         representation.begin(scene.tensor_window, &mut out);
         let done = representation.accumulate(span, &mut out);

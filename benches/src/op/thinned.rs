@@ -3,6 +3,7 @@
 use std::hint::black_box;
 
 use lobula_core::{Event, Filter};
+use lobula_formats::LargeArray;
 
 use super::{Op, same_events};
 use crate::contest::{Contest, Protocol, Unit, Work};
@@ -51,7 +52,7 @@ impl Thinned {
         peer: Option<&dyn Library>,
         filter: &mut impl Filter,
     ) -> Result<usize, String> {
-        let kept = thin(scene, filter);
+        let kept = thin(scene, filter)?;
         if let Some(peer) = peer {
             same_events(&kept, &peer.events(self.op)).map_err(|e| format!("{}: {e}", self.op.name()))?;
         }
@@ -83,19 +84,22 @@ impl Thinned {
 }
 
 /// The scene's events that `filter` keeps, in a fresh array: each packet is thinned where it will stay.
-pub fn thin(scene: &Scene, filter: &mut impl Filter) -> Vec<Event> {
-    let mut events = vec![Event::default(); scene.events.len()];
+///
+/// # Errors
+/// A sentence, where there is no memory.
+pub fn thin(scene: &Scene, filter: &mut impl Filter) -> Result<LargeArray<Event>, String> {
+    let mut events = LargeArray::zeroed(scene.events.len()).map_err(|e| e.to_string())?;
     let mut kept = 0;
     for packet in packets(scene.span(scene.events.len())) {
         kept += filter.retain(&mut block_of(packet, &mut events[kept..])).unwrap_or_default();
     }
     events.truncate(kept);
-    events
+    Ok(events)
 }
 
 /// All events at once, into a fresh array with a fresh map.
 fn whole<'a, F: Filter>(scene: &'a Scene, make: impl Fn() -> F + 'a) -> Work<'a> {
-    Box::new(move || black_box(thin(scene, &mut make())).len() as u64)
+    Box::new(move || black_box(thin(scene, &mut make())).map_or(0, |kept| kept.len() as u64))
 }
 
 /// A packet at a time: copied into one buffer, as a decoder would write it, and thinned there.

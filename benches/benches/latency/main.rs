@@ -1,0 +1,77 @@
+//! How long a packet takes from its due time to a client in another process, beside iceoryx2 alone in the same run.
+//!
+//! `cargo bench -p lobula-benches --bench latency [-- --seconds N]` prints Markdown for the README. Every number is
+//! received - due, where due is the schedule's time and not when the sender got round to it (no coordinated omission).
+//! Each process is this program again with another role: a daemon with a synthetic camera of 1 ms packets, its client,
+//! and the two ends of the floor.
+
+mod allocations;
+mod child;
+mod client;
+mod daemon;
+mod floor;
+mod percentiles;
+mod run;
+
+use std::process::ExitCode;
+
+#[global_allocator]
+static ALLOCATOR: allocations::Counting = allocations::Counting;
+
+/// Rates measured, in events per second.
+const RATES_EVS: [u32; 3] = [1_000_000, 10_000_000, 30_000_000];
+/// Time between two packets.
+const PACKET_US: u64 = 1_000;
+
+/// How the receiving end waits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Wait {
+    Sleep,
+    Poll,
+}
+
+impl Wait {
+    const ALL: [Self; 2] = [Self::Poll, Self::Sleep];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Sleep => "asleep",
+            Self::Poll => "polling",
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    let args: Vec<String> = std::env::args().skip(1).filter(|arg| arg != "--bench").collect();
+    let result = match args.first().map(String::as_str) {
+        Some("daemon") => daemon::role(&args[1..]),
+        Some("client") => client::role(&args[1..]),
+        Some("floor-sender") => floor::sender(&args[1..]),
+        Some("floor-receiver") => floor::receiver(&args[1..]),
+        Some("--seconds") => number(&args, 1).and_then(run::all),
+        None => run::all(10),
+        Some(other) => Err(format!("{other} is no option; usage: latency [--seconds N]").into()),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("latency: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Any error, for a sentence at the end.
+type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
+
+/// The argument at `place`, as a number.
+fn number<T: std::str::FromStr>(args: &[String], place: usize) -> Outcome<T> {
+    let text = args.get(place).ok_or("an argument is missing")?;
+    text.parse().map_err(|_| format!("{text} is no number of this kind").into())
+}
+
+/// The argument at `place`, as a way to wait.
+fn wait(args: &[String], place: usize) -> Outcome<Wait> {
+    let text = args.get(place).ok_or("an argument is missing")?;
+    Wait::ALL.into_iter().find(|wait| wait.name() == text).ok_or_else(|| format!("{text} is no wait").into())
+}
