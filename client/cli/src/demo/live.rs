@@ -14,8 +14,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How long anything may take that waits for another process.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// How long anything may take that waits for another process, on a machine that is busy with other things.
+const PATIENCE: Duration = Duration::from_secs(120);
 /// Time between two looks at the script, and two frames.
 const TICK: Duration = Duration::from_millis(100);
 

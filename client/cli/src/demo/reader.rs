@@ -38,7 +38,7 @@ pub fn run(args: &ReaderArgs) -> Result<(), Failure> {
     lobulad::die_with_parent();
     let ended = input_ends();
     let options = ClientOptions::default().root(Root::new(&args.root)?).name(&args.name);
-    let client = Client::connect_within(options, Duration::from_secs(30))?;
+    let client = Client::connect_within(options, Duration::from_secs(120))?;
     let mut events = client.events(SubscribeOptions::default())?;
     let (notes, told) = channel();
     let teller = thread::spawn(move || tell(&told));

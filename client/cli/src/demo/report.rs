@@ -76,6 +76,18 @@ impl Summary {
 
 /// The sum of one generation, as one client saw it.
 pub fn sum(page: &Page) -> String {
+    format!(
+        "{} in {} {} delivered + {} filtered + {} lost",
+        thousands(page.input()),
+        if page.is_exact() { "=" } else { "≠" },
+        thousands(page.delivered),
+        thousands(page.filtered()),
+        thousands(page.lost().total()),
+    )
+}
+
+/// Why events were lost, if any were.
+pub fn causes(page: &Page) -> String {
     let lost = page.lost();
     let causes = [
         ("overrun", lost.overrun),
@@ -84,15 +96,7 @@ pub fn sum(page: &Page) -> String {
         ("no_memory", lost.no_memory),
     ];
     let causes: Vec<_> = causes.into_iter().filter(|(_, n)| *n > 0).map(|(cause, _)| cause).collect();
-    let causes = if causes.is_empty() { String::new() } else { format!(" ({})", causes.join(", ")) };
-    format!(
-        "{} in {} {} delivered + {} filtered + {} lost{causes}",
-        thousands(page.input()),
-        if page.is_exact() { "=" } else { "≠" },
-        thousands(page.delivered),
-        thousands(page.filtered()),
-        thousands(lost.total()),
-    )
+    if causes.is_empty() { String::new() } else { format!(" ({})", causes.join(", ")) }
 }
 
 /// Fails where a sum is not exact, a digest differs, or a client was told of no restart.

@@ -5,7 +5,7 @@ use super::live::Outcome;
 use super::percentiles::Percentiles;
 use super::picture::{Colour, Picture};
 use super::replay::Replay;
-use super::report::{Summary, sum};
+use super::report::{Summary, causes, sum};
 use super::viewer::Verdict;
 use crate::Failure;
 use crate::args::DemoArgs;
@@ -168,27 +168,20 @@ impl Screen {
             return json(summary);
         }
         line("")?;
+        line("in = delivered + filtered + lost")?;
         for (name, report) in ["steady", "second"].into_iter().zip(&outcome.reports) {
-            line(format!(
-                "{name}, from the first packet of each generation of the daemon on: in = delivered + filtered + lost"
-            ))?;
+            line(format!("client {name}, from its first packet of each generation of the daemon on:"))?;
             for (number, page) in report.book.pages.iter().enumerate() {
-                line(format!("  generation {}: {}", number + 1, sum(page)))?;
+                line(format!("  generation {}: {}{}", number + 1, sum(page), causes(page)))?;
             }
         }
         if let Some(verdict) = &outcome.verdict {
             line(judgement(verdict))?;
         }
-        line(format!(
-            "latency, due to received: {}; iceoryx2 alone: {}",
-            times(summary.latency_ns),
-            times(summary.floor_ns)
-        ))?;
+        latency(summary.latency_ns, summary.floor_ns).iter().try_for_each(line)?;
         let equal = if replay.is_equal() { "yes" } else { "NO" };
-        line(format!(
-            "lossless replay of {} events: sha256 live = offline: {equal} ({})",
-            replay.events, replay.sha256_live
-        ))?;
+        line(format!("lossless replay of {} events: sha256 live = offline: {equal}", replay.events))?;
+        line(format!("  {}", replay.sha256_live))?;
         line(format!("picture, raw beside filtered: {}", summary.png.display()))?;
         line("")?;
         self.what_next(outcome)
@@ -225,18 +218,22 @@ fn rates(frame: &Frame<'_>) -> String {
     )
 }
 
-/// The lines under the picture.
+/// The lines under the picture, none longer than 80 characters.
 fn figures(frame: &Frame<'_>) -> Vec<String> {
     let mut lines: Vec<_> = frame.verdict.map(judgement).into_iter().collect();
-    lines.push(format!(
-        "latency, due to received: {}; iceoryx2 alone: {}",
-        times(frame.readers[0].latency),
-        times(frame.floor)
-    ));
+    lines.extend(latency(frame.readers[0].latency, frame.floor));
     for reader in &frame.readers {
-        lines.push(format!("{} (pid {}) {}: {}", reader.name, reader.pid, reader.state, sum(&reader.page)));
+        lines.push(format!("client {} (pid {}) {}:", reader.name, reader.pid, reader.state));
+        lines.push(format!("  {}", sum(&reader.page)));
     }
     lines
+}
+
+fn latency(ours: Percentiles, floor: Percentiles) -> [String; 2] {
+    [
+        format!("latency, due to received:  {}", times(ours)),
+        format!("  through iceoryx2 alone:  {}", times(floor)),
+    ]
 }
 
 fn judgement(verdict: &Verdict) -> String {
@@ -245,12 +242,12 @@ fn judgement(verdict: &Verdict) -> String {
         100.0 - 100.0 * verdict.kept.get(label) as f64 / (verdict.raw.get(label) as f64).max(1.0)
     };
     format!(
-        "noise removed {:.1} % (leak {:.1}, shot {:.1}, hot pixels {:.1}), signal kept {:.1} %",
+        "signal kept {:.1} %, noise removed {:.1} % (leak {:.1}, shot {:.1}, hot {:.1})",
+        verdict.signal_kept(),
         verdict.noise_removed(),
         removed(Label::Leak),
         removed(Label::Shot),
         removed(Label::Hot),
-        verdict.signal_kept(),
     )
 }
 
@@ -317,7 +314,11 @@ impl Paint {
     fn colour(self, [r, g, b]: Colour) -> Color {
         match self {
             Self::True => Color::Rgb { r, g, b },
-            // The 6x6x6 cube of the 256 colours.
+            // The 24 greys of the 256 colours where it is dim, since their 6x6x6 cube starts at bright.
+            Self::Indexed if r.max(g).max(b) < 120 => {
+                let grey = (r as u16 + g as u16 + b as u16) / 3;
+                Color::AnsiValue(232 + (grey.saturating_sub(8) / 10) as u8)
+            }
             Self::Indexed => {
                 let level = |part: u8| if part < 48 { 0 } else { ((part as u16 - 35) / 40) as u8 };
                 Color::AnsiValue(16 + 36 * level(r) + 6 * level(g) + level(b))
