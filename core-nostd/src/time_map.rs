@@ -153,7 +153,7 @@ impl Stamp for u16 {
     }
 }
 
-/// What turns an event's 32-bit time into a stamp, valid within one run of events (see [`TimeMap::thin`]).
+/// What turns an event's 32-bit time into a stamp, valid within one run of events.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock<T> {
     /// One cell before the open one, in µs modulo 2^32.
