@@ -320,7 +320,23 @@ fn report<T>(made: Result<T, Error>, tell: &Sender<Result<(), StartError>>) -> O
 }
 
 fn spawn(name: &str, body: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, StartError> {
-    thread::Builder::new().name(name.into()).spawn(body).map_err(no_thread)
+    let whole = || {
+        let _whole = WholeOrNothing;
+        body();
+    };
+    thread::Builder::new().name(name.into()).spawn(whole).map_err(no_thread)
+}
+
+/// A daemon with a dead thread would look alive to its clients and never end; one that is gone is started again, and
+/// its clients go on.
+struct WholeOrNothing;
+
+impl Drop for WholeOrNothing {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            std::process::abort();
+        }
+    }
 }
 
 fn no_thread(error: std::io::Error) -> StartError {
