@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use lobula_client::{Client, ClientOptions, Root, SubscribeOptions};
+use lobula_client::{Client, ClientOptions, Root, Stamps, SubscribeOptions};
 use lobulad::now_ns;
 
-use crate::percentiles::Percentiles;
+use crate::percentiles::{Percentiles, Stages};
 use crate::{Outcome, Wait, number, wait};
 
 /// Time at the start that is not counted: caches, pages and connections warm up.
@@ -30,17 +30,21 @@ pub fn role(args: &[String]) -> Outcome<()> {
     while times.run() {
         let packet = events.recv(PATIENCE)?;
         let now = now_ns();
-        let due = packet.header().stamps.due_ns;
-        if due > 0 && !packet.is_empty() {
-            times.push(now, due);
+        let stamps = packet.header().stamps;
+        if stamps.due_ns > 0 && !packet.is_empty() {
+            times.push(now, stamps);
         }
     }
-    times.tell(events.lost())
+    times.tell(events.lost())?;
+    // The daemon is looked at once more before this client goes.
+    std::io::stdin().lines().for_each(drop);
+    Ok(())
 }
 
 /// The times of packets, once warm.
 pub struct Times {
     times_ns: Vec<u64>,
+    stages_ns: Vec<Stages>,
     seconds: u64,
     /// Set by the first packet, before which nothing ends but [`PATIENCE`].
     warm_at_ns: Option<u64>,
@@ -51,7 +55,8 @@ impl Times {
     /// Counts for this long after the warm-up.
     pub fn for_seconds(seconds: u64) -> Self {
         let given_up_at_ns = now_ns() + PATIENCE.as_nanos() as u64;
-        Self { times_ns: Vec::with_capacity(1 << 20), seconds, warm_at_ns: None, given_up_at_ns }
+        let (times_ns, stages_ns) = (Vec::with_capacity(1 << 18), Vec::with_capacity(1 << 18));
+        Self { times_ns, stages_ns, seconds, warm_at_ns: None, given_up_at_ns }
     }
 
     /// Whether there is time left.
@@ -60,20 +65,23 @@ impl Times {
         now_ns() < end_at_ns.unwrap_or(self.given_up_at_ns)
     }
 
-    /// Notes a packet that was due at `due_ns` and came at `now_ns`.
-    pub fn push(&mut self, now_ns: u64, due_ns: u64) {
+    /// Notes a packet with these stamps that came at `now_ns`.
+    pub fn push(&mut self, now_ns: u64, stamps: Stamps) {
         if now_ns < *self.warm_at_ns.get_or_insert(now_ns + WARM_UP_NS) {
             return;
         }
         if self.times_ns.is_empty() {
             println!("warm");
         }
+        let Stamps { due_ns, arrived_ns, decoded_ns, published_ns } = stamps;
         self.times_ns.push(now_ns.saturating_sub(due_ns));
+        let moments = [due_ns, arrived_ns, decoded_ns, published_ns, now_ns];
+        self.stages_ns.push(std::array::from_fn(|i| moments[i + 1].saturating_sub(moments[i])));
     }
 
     /// Says what was noted.
     pub fn tell(mut self, lost: u64) -> Outcome<()> {
-        println!("{}", serde_json::to_string(&Percentiles::of(&mut self.times_ns, lost))?);
+        println!("{}", serde_json::to_string(&Percentiles::of(&mut self.times_ns, &self.stages_ns, lost))?);
         Ok(())
     }
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use lobula_benches::clock;
 use lobula_client::transport::{self, Outlet};
-use lobula_client::{PACKET_EVENTS_MAX, PacketHeader, Root, ShmEvent, Stream};
+use lobula_client::{PACKET_EVENTS_MAX, PacketHeader, Root, ShmEvent, Stamps, Stream};
 use lobulad::now_ns;
 
 use crate::client::Times;
@@ -51,7 +51,8 @@ fn send(outlet: &Outlet<ShmEvent, PacketHeader>, events: &[ShmEvent], due_ns: u6
         loan.payload_mut().copy_from_slice(part);
         let header = loan.user_header_mut();
         *header = PacketHeader::default();
-        header.stamps.due_ns = due_ns;
+        let now = now_ns();
+        header.stamps = Stamps { due_ns, arrived_ns: now, decoded_ns: now, published_ns: now };
         outlet.send(loan)?;
         loans += 1;
     }
@@ -79,7 +80,7 @@ pub fn receiver(args: &[String]) -> Outcome<()> {
     let mut times = Times::for_seconds(number(args, 2)?);
     while times.run() {
         while let Some(sample) = subscriber.receive()? {
-            times.push(now_ns(), sample.user_header().stamps.due_ns);
+            times.push(now_ns(), sample.user_header().stamps);
         }
         match &listener {
             Some(listener) => {

@@ -17,16 +17,37 @@ pub struct Percentiles {
     pub max: u64,
     /// Events lost to the receiver.
     pub lost: u64,
+    /// Median of each stage, see [`Stages`].
+    pub stages: Stages,
 }
+
+/// Where a packet's time went, in ns: due, arrived, decoded, published, received.
+pub type Stages = [u64; 4];
 
 impl Percentiles {
     /// Of these times.
-    pub fn of(times_ns: &mut [u64], lost: u64) -> Self {
+    pub fn of(times_ns: &mut [u64], stages_ns: &[Stages], lost: u64) -> Self {
         times_ns.sort_unstable();
         let at = |per_mille: usize| {
             times_ns.get((times_ns.len() * per_mille / 1000).min(times_ns.len().saturating_sub(1))).copied()
         };
         let at = |per_mille| at(per_mille).unwrap_or_default();
-        Self { packets: times_ns.len(), p50: at(500), p99: at(990), p999: at(999), max: at(1000), lost }
+        Self {
+            packets: times_ns.len(),
+            p50: at(500),
+            p99: at(990),
+            p999: at(999),
+            max: at(1000),
+            lost,
+            stages: medians(stages_ns),
+        }
     }
+}
+
+fn medians(stages_ns: &[Stages]) -> Stages {
+    std::array::from_fn(|stage| {
+        let mut times: Vec<u64> = stages_ns.iter().map(|stages| stages[stage]).collect();
+        times.sort_unstable();
+        times.get(times.len() / 2).copied().unwrap_or_default()
+    })
 }

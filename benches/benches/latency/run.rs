@@ -45,6 +45,7 @@ pub fn all(seconds: u64) -> Outcome<()> {
         }
     }
     print_latency(&rows);
+    print_stages(&rows);
     print_allocations(&allocated, per_loan);
     print_bars(&rows);
     Ok(())
@@ -109,6 +110,22 @@ fn print_latency(rows: &[Row]) {
             us(seen.max),
             seen.packets,
             seen.lost
+        );
+    }
+    println!();
+}
+
+fn print_stages(rows: &[Row]) {
+    println!("Medians of the stages, µs:\n");
+    println!(
+        "| Mev/s | client | daemon | due, arrived | arrived, decoded | decoded, published | published, received |"
+    );
+    println!("|---:|---|---|---:|---:|---:|---:|");
+    for Row { rate_evs, wait, what, seen } in rows {
+        let [arrived, decoded, published, received] = seen.stages.map(|ns| ns as f64 / 1000.0);
+        let (mevs, wait) = (mevs(*rate_evs), wait.name());
+        println!(
+            "| {mevs} | {wait} | {what} | {arrived:.1} | {decoded:.1} | {published:.1} | {received:.1} |"
         );
     }
     println!();
