@@ -70,6 +70,18 @@ impl<T: Pod> DerefMut for LargeArray<T> {
     }
 }
 
+impl<T: Pod> AsRef<[T]> for LargeArray<T> {
+    fn as_ref(&self) -> &[T] {
+        self
+    }
+}
+
+impl<T: Pod> AsMut<[T]> for LargeArray<T> {
+    fn as_mut(&mut self) -> &mut [T] {
+        self
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,7 +2,6 @@
 
 use std::hint::black_box;
 
-use bytemuck::Zeroable;
 use lobula_core::Representation;
 use lobula_formats::LargeArray;
 
@@ -39,7 +38,7 @@ impl Tensor {
         R::Pixel: Into<f32>,
     {
         if let Some(peer) = peer {
-            self.same(&build(scene, &mut make()), &peer.tensor(self.op))?;
+            self.same(&build(scene, &mut make())?, &peer.tensor(self.op))?;
         }
         let contest = |protocol, ours, bar| Contest {
             op: self.op.name(),
@@ -55,7 +54,7 @@ impl Tensor {
         };
         Ok(vec![
             contest(Protocol::Whole, whole(scene, make), 2.0),
-            contest(Protocol::Stream, stream(scene, make()), self.bar_stream),
+            contest(Protocol::Stream, stream(scene, make())?, self.bar_stream),
         ])
     }
 
@@ -77,10 +76,10 @@ impl Tensor {
 }
 
 /// A fresh tensor of the scene's events, packet by packet.
-fn build<R: Representation>(scene: &Scene, representation: &mut R) -> Vec<R::Pixel> {
-    let mut out = vec![R::Pixel::zeroed(); representation.shape().len()];
+fn build<R: Representation>(scene: &Scene, representation: &mut R) -> Result<LargeArray<R::Pixel>, String> {
+    let mut out = LargeArray::zeroed(representation.shape().len()).map_err(|e| e.to_string())?;
     fill(scene, representation, &mut out);
-    out
+    Ok(out)
 }
 
 /// Fills `out` and returns how many events went into it.
@@ -111,11 +110,11 @@ fn whole<'a, R: Representation>(scene: &'a Scene, make: impl Fn() -> R + 'a) -> 
 }
 
 /// A packet at a time, into a tensor and state used again.
-fn stream<'a, R: Representation + 'a>(scene: &'a Scene, mut representation: R) -> Work<'a> {
-    let mut out = build(scene, &mut representation);
-    Box::new(move || {
+fn stream<'a, R: Representation + 'a>(scene: &'a Scene, mut representation: R) -> Result<Work<'a>, String> {
+    let mut out = build(scene, &mut representation)?;
+    Ok(Box::new(move || {
         let events = fill(scene, &mut representation, &mut out);
         black_box(&out);
         events
-    })
+    }))
 }
