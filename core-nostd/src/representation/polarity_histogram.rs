@@ -2,7 +2,7 @@
 
 use core::marker::PhantomData;
 
-use crate::representation::{BadRepresentation, Build, Parameters, Tally, check, index};
+use crate::representation::{BadRepresentation, Build, Parameters, Tally, check, index, index::Places};
 use crate::vector::widest;
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
@@ -66,10 +66,9 @@ impl<P: Tally> Representation for PolarityHistogram<P> {
 #[inline(always)]
 fn add<P: Tally>(geometry: Geometry, events: &[Event], out: &mut [P]) -> u64 {
     let mut saturated = 0;
-    let prepare = |event| (index::by_polarity(geometry, event), ());
-    index::for_each(events, prepare, |at, ()| {
-        if let Some(cell) = out.get_mut(at) {
-            saturated += u64::from(!cell.count());
+    index::for_each(events, Places::by_polarity(geometry), |at| {
+        if out.get_mut(at).is_some_and(|cell| !cell.count()) {
+            saturated += 1;
         }
     });
     saturated

@@ -6,7 +6,7 @@
 use core::marker::PhantomData;
 
 use crate::math::exp;
-use crate::representation::{BadRepresentation, Build, Parameters, Real, check, index};
+use crate::representation::{BadRepresentation, Build, Parameters, Real, check, index, index::Places};
 use crate::vector::widest;
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
@@ -142,9 +142,9 @@ fn stamp(geometry: Geometry, window: Window, events: &[Event], map: &mut [u32]) 
     let length = window.t1.saturating_sub(window.t0).min(OLD_US.into()) as i32;
     let prepare = |event: Event| {
         let since = (event.t().wrapping_sub(t0) as i32).max(0).min(length);
-        (index::by_polarity(geometry, event), t0.wrapping_add(since as u32))
+        t0.wrapping_add(since as u32)
     };
-    index::for_each(events, prepare, |at, stamp| {
+    index::for_each_with(events, Places::by_polarity(geometry), prepare, |at, stamp| {
         // Stores that miss the cache wait for each other, loads do not: hence the look before.
         if let Some(last) = map.get_mut(at).filter(|last| **last != stamp) {
             *last = stamp;

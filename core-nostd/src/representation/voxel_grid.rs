@@ -3,7 +3,7 @@
 //! Source: Zhu et al., Unsupervised Event-based Learning of Optical Flow, Depth, and Egomotion, CVPR 2019, section 3.1,
 //! with the window's bounds in place of the first and last event's times.
 
-use crate::representation::{BadRepresentation, Build, Parameters, check, index};
+use crate::representation::{BadRepresentation, Build, Parameters, check, index, index::Places};
 use crate::vector::widest;
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
@@ -112,11 +112,14 @@ fn add(geometry: Geometry, clock: Clock, events: &[Event], out: &mut [f32]) {
     let pixels = geometry.pixels();
     let prepare = |event: Event| {
         let (bin, share) = clock.bin(event);
-        let index = bin.wrapping_mul(pixels as u32).wrapping_add(index::by_pixel(geometry, event));
         let off = !event.on_mask() & SIGN_BIT;
-        (index, [1.0 - share, share].map(|weight| f32::from_bits(weight.to_bits() ^ off)))
+        (
+            bin.wrapping_mul(pixels as u32),
+            [1.0 - share, share].map(|weight| f32::from_bits(weight.to_bits() ^ off)),
+        )
     };
-    index::for_each(events, prepare, |at, [low, high]| {
+    index::for_each_with(events, Places::by_pixel(geometry), prepare, |at, (plane, [low, high])| {
+        let at = at + plane as usize;
         if let Some(cell) = out.get_mut(at) {
             *cell += low;
         }
