@@ -23,7 +23,7 @@ use core::cell::Cell;
 pub struct DenoiseParams {
     /// Least time between events of a pixel, in µs; 0: any. By default 200.
     pub refractory_us: u32,
-    /// How long ago a neighbour's event still supports, in µs. By default 5000.
+    /// How long ago a neighbour's event still supports, in µs. By default 20000.
     pub support_us: u32,
     /// How many of the 8 neighbours must support, 0 (none need) to 8. By default 2.
     pub support: u8,
@@ -35,7 +35,7 @@ pub struct DenoiseParams {
 
 impl Default for DenoiseParams {
     fn default() -> Self {
-        Self { refractory_us: 200, support_us: 5000, support: 2, trail_us: 0, shift: 0 }
+        Self { refractory_us: 200, support_us: 20_000, support: 2, trail_us: 0, shift: 0 }
     }
 }
 
@@ -163,7 +163,9 @@ fn is_signal<T: Stamp>(
         return None;
     }
     let (pixel, neighbours) = pixels.neighbourhood(place)?;
-    let support = neighbours.map(|last| (now.age(last) <= rules.support_dt) as u32).iter().sum::<u32>();
+    // The sign of a margin, as 0 or 1, is whether the neighbour does not support.
+    let alone = neighbours.map(|last| now.margin(rules.support_dt, last) as u32 >> 31);
+    let support = 8 - alone.iter().sum::<u32>();
     let age = now.age(pixel.get());
     pixel.set(now);
     let mut signal = (age >= rules.refractory) & (support >= rules.support);
