@@ -14,12 +14,20 @@ pub enum Fault {
     BeforeBase = 3,
     /// A word cut short by the end of the stream or a gap.
     CutShort = 4,
+    /// A record, packet or chunk whose bytes contradict its format (files).
+    Damaged = 5,
 }
 
 impl Fault {
     /// Every kind, in the order of their counts.
-    pub const ALL: [Self; 5] =
-        [Self::UnknownWord, Self::BeforeTime, Self::BeforeRow, Self::BeforeBase, Self::CutShort];
+    pub const ALL: [Self; 6] = [
+        Self::UnknownWord,
+        Self::BeforeTime,
+        Self::BeforeRow,
+        Self::BeforeBase,
+        Self::CutShort,
+        Self::Damaged,
+    ];
 
     /// The name in reports.
     pub const fn name(self) -> &'static str {
@@ -29,6 +37,7 @@ impl Fault {
             Self::BeforeRow => "before_row",
             Self::BeforeBase => "before_base",
             Self::CutShort => "cut_short",
+            Self::Damaged => "damaged",
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What a format owes: everything else (blocks, index, slices, summary) is made from it, once for all formats.
 
-use crate::{Error, Format, Payload};
+use crate::{Error, Format, Frame, ImuSample, Payload, Stream, StreamKind};
 use lobula_core::wire::Encoding;
 use lobula_core::{Counters, Geometry, Sink};
 use std::path::Path;
@@ -23,17 +23,46 @@ pub(crate) trait Container: Send + Sync + std::fmt::Debug {
     fn geometry_of_blocks(&self) -> Geometry;
 
     /// How events are encoded, where that is a camera's format.
-    fn encoding(&self) -> Option<Encoding>;
+    fn encoding(&self) -> Option<Encoding> {
+        None
+    }
 
     /// Lines of the header.
-    fn fields(&self) -> Vec<(&str, &str)>;
+    fn fields(&self) -> Vec<(&str, &str)> {
+        Vec::new()
+    }
 
     /// The camera's bytes, where the file holds them as they came.
-    fn payload(&self) -> Option<Payload>;
+    fn payload(&self) -> Option<Payload> {
+        None
+    }
+
+    /// Every stream of the file, also those we do not read.
+    fn streams(&self) -> Vec<Stream> {
+        vec![Stream::new(StreamKind::Events, "")]
+    }
+
+    /// Sentences about what is odd in the file and was not an error: shown as warnings.
+    fn warnings(&self) -> Vec<String> {
+        Vec::new()
+    }
 
     /// A cursor at the first event.
     fn start(&self) -> Box<dyn Cursor>;
+
+    /// Samples of the inertial sensor, in file order.
+    fn imu(&self) -> Items<ImuSample> {
+        Box::new(std::iter::empty())
+    }
+
+    /// Frames, in file order.
+    fn frames(&self) -> Items<Frame> {
+        Box::new(std::iter::empty())
+    }
 }
+
+/// Side items of a recording, read as they are asked for. After an error there is no more.
+pub(crate) type Items<T> = Box<dyn Iterator<Item = Result<T, Error>> + Send>;
 
 /// Why a cursor stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,7 +79,8 @@ pub(crate) trait Cursor: Send + Sync + std::fmt::Debug {
     /// done. What is in the sink at an error is good.
     fn fill(&mut self, sink: &mut Sink<'_>) -> Result<Stop, Error>;
 
-    /// Offset in the file up to which all is decoded. It only grows.
+    /// Offset in the file up to which all is decoded; where a file is not read in order, another measure of progress
+    /// between 0 and the file's length. It only grows.
     fn position(&self) -> u64;
 
     /// What was done from the start of the recording.

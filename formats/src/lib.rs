@@ -6,25 +6,32 @@
 //! ```text
 //!  path ─▶ open (FORMATS: by content) ─▶ Recording ─▶ blocks, slice_time, slice_events ─▶ Chunk { block, triggers }
 //!                                            ├─▶ payload: the camera's bytes as they came
+//!                                            ├─▶ imu, frames: the other streams
 //!                                            └─▶ Summary, Digest
-//!  Span ─▶ RawWriter ─▶ path
+//!  Span, Chunk, ImuSample, Frame ─▶ Writer (FORMATS: by extension) ─▶ path
 //! ```
 //!
-//! A format is one module that implements `Container` and one line in [`FORMATS`]; blocks, index, slices and summary
-//! come from that. Memory is bounded by [`Limits`] whatever the file says or how long it is.
+//! A format is one module that implements `Container`, and `Encoder` where it is written, and one line in [`FORMATS`];
+//! blocks, index, slices, summary, rebasing and checks come from that. Memory is bounded by [`Limits`] whatever the
+//! file says or how long it is.
 
+mod byte_cursor;
 mod container;
 mod digest;
 mod error;
 mod index;
 mod info;
 mod input;
+mod intake;
 mod large;
 mod limits;
+mod nmnist;
 mod open;
 mod output;
 mod raw;
 mod recording;
+mod stream;
+mod write;
 
 pub use digest::Digest;
 pub use error::{Error, ErrorKind};
@@ -32,6 +39,8 @@ pub use index::{Index, Times};
 pub use info::{Summary, WithDigest};
 pub use large::LargeArray;
 pub use limits::Limits;
-pub use open::{FORMATS, Format, OpenOptions, open, open_with};
-pub use raw::{Payload, RawWriter, Rebase, WriteOptions, Written};
+pub use open::{Column, Columns, FORMATS, Format, OpenOptions, TimeUnit, open, open_with};
+pub use raw::Payload;
 pub use recording::{Blocks, Chunk, Part, Recording};
+pub use stream::{Frame, ImuSample, PixelFormat, Stream, StreamKind};
+pub use write::{Compression, LeftOut, Rebase, WriteOptions, Writer, Written};

@@ -12,6 +12,8 @@ pub(crate) struct Output {
     path: PathBuf,
     /// Where the bytes are until the end; `None` once they have their name.
     temporary: Option<PathBuf>,
+    /// Bytes written.
+    len: u64,
 }
 
 impl Output {
@@ -20,7 +22,7 @@ impl Output {
         refuse_existing(path, overwrite)?;
         let temporary = temporary(path)?;
         let file = File::create_new(&temporary).map_err(|source| Error::io(path, "creating it", source))?;
-        Ok(Self { file, path: path.to_owned(), temporary: Some(temporary) })
+        Ok(Self { file, path: path.to_owned(), temporary: Some(temporary), len: 0 })
     }
 
     pub fn path(&self) -> &Path {
@@ -29,18 +31,19 @@ impl Output {
 
     /// Adds bytes; give it large pieces, it keeps none back.
     pub fn write(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        self.len += bytes.len() as u64;
         self.file.write_all(bytes).map_err(|source| Error::io(&self.path, "writing it", source))
     }
 
-    /// Makes the bytes safe on the disk and gives the file its name.
-    pub fn finish(mut self) -> Result<(), Error> {
+    /// Makes the bytes safe on the disk and gives the file its name; tells its length.
+    pub fn finish(mut self) -> Result<u64, Error> {
         self.file.sync_all().map_err(|source| Error::io(&self.path, "writing it", source))?;
         if let Some(temporary) = &self.temporary {
             std::fs::rename(temporary, &self.path)
                 .map_err(|source| Error::io(&self.path, "naming it", source))?;
         }
         self.temporary = None;
-        Ok(())
+        Ok(self.len)
     }
 }
 

@@ -15,8 +15,10 @@ mod camera;
 mod header;
 mod write;
 
-use crate::container::{Container, Cursor, Stop};
+use crate::byte_cursor::{Bad, ByteCursor, ByteDecoder, Step};
+use crate::container::{Container, Cursor};
 use crate::input::Input;
+use crate::open::Probe;
 use crate::{Error, Format, OpenOptions};
 use lobula_core::wire::{AnyDecoder, Encoding};
 use lobula_core::{Counters, Decode, Geometry, Sink};
@@ -25,24 +27,20 @@ use std::path::Path;
 use std::sync::Arc;
 
 use header::Header;
-pub use write::{RawWriter, Rebase, WriteOptions, Written};
 
 /// Its line in the table of formats.
 pub(crate) const FORMAT: Format =
-    Format { name: "Prophesee RAW", extensions: &["raw"], writes: true, probe, open };
+    Format { name: "Prophesee RAW", extensions: &["raw"], create: Some(write::create), probe, open };
 
 /// Largest sensor that eleven bits of x and y can tell.
 pub(crate) const GEOMETRY_MAX: Geometry = Geometry::new(2048, 2048);
 
-/// Bytes read at once.
-const READ_BYTES: usize = 64 << 10;
-
-fn probe(head: &[u8]) -> bool {
+fn probe(Probe { head, .. }: &Probe<'_>) -> bool {
     // Not Prophesee DAT, whose header looks alike.
     head.starts_with(b"% ") && !head.starts_with(b"% Data file")
 }
 
-fn open(input: Input, options: &OpenOptions) -> Result<Box<dyn Container>, Error> {
+fn open(input: Arc<Input>, options: &OpenOptions) -> Result<Box<dyn Container>, Error> {
     let limits = &options.limits;
     let mut head = vec![0; limits.header_bytes_max.min(usize::try_from(input.len()).unwrap_or(usize::MAX))];
     let len = input.read_at(0, &mut head)?;
@@ -60,7 +58,7 @@ fn open(input: Input, options: &OpenOptions) -> Result<Box<dyn Container>, Error
 /// An open file.
 #[derive(Debug)]
 struct RawFile {
-    input: Input,
+    input: Arc<Input>,
     header: Header,
     encoding: Encoding,
     geometry: Option<Geometry>,
@@ -111,62 +109,22 @@ impl Container for RawRecording {
 
     fn start(&self) -> Box<dyn Cursor> {
         let decoder = AnyDecoder::new(self.0.encoding, self.geometry_of_blocks());
-        let next = self.0.payload().start;
-        Box::new(RawCursor { file: self.0.clone(), decoder, next, buffer: Vec::new(), unread: 0..0 })
+        Box::new(ByteCursor::new(self.0.input.clone(), self.0.payload(), decoder))
     }
 }
 
-/// A decoder and the bytes it takes next.
-#[derive(Debug)]
-struct RawCursor {
-    file: Arc<RawFile>,
-    decoder: AnyDecoder,
-    /// Offset in the file of the byte after those in `buffer`.
-    next: u64,
-    /// Empty until the first read, so that a checkpoint is small.
-    buffer: Vec<u8>,
-    /// The part of `buffer` that is not decoded yet.
-    unread: Range<usize>,
-}
-
-impl RawCursor {
-    /// Reads the next bytes; false at the end of the file.
-    fn refill(&mut self) -> Result<bool, Error> {
-        let left = self.file.input.len().saturating_sub(self.next);
-        self.buffer.resize(READ_BYTES.min(usize::try_from(left).unwrap_or(READ_BYTES)), 0);
-        let len = self.file.input.read_at(self.next, &mut self.buffer)?;
-        self.next += len as u64;
-        self.unread = 0..len;
-        Ok(len > 0)
-    }
-}
-
-impl Cursor for RawCursor {
-    fn fill(&mut self, sink: &mut Sink<'_>) -> Result<Stop, Error> {
-        loop {
-            let taken = self.decoder.decode(&self.buffer[self.unread.clone()], sink);
-            self.unread.start += taken;
-            if !self.unread.is_empty() {
-                return Ok(Stop::Full);
-            }
-            if !self.refill()? {
-                self.decoder.finish();
-                return Ok(Stop::End);
-            }
-        }
+impl ByteDecoder for AnyDecoder {
+    fn decode(&mut self, bytes: &[u8], sink: &mut Sink<'_>) -> Result<Step, Bad> {
+        let taken = Decode::decode(self, bytes, sink);
+        Ok(Step { taken, full: taken < bytes.len() })
     }
 
-    fn position(&self) -> u64 {
-        self.next - self.unread.len() as u64
+    fn finish(&mut self, _unread: &[u8]) {
+        Decode::finish(self);
     }
 
     fn counters(&self) -> Counters {
-        *self.decoder.counters()
-    }
-
-    fn fork(&self) -> Box<dyn Cursor> {
-        let (file, decoder, next) = (self.file.clone(), self.decoder.clone(), self.position());
-        Box::new(Self { file, decoder, next, buffer: Vec::new(), unread: 0..0 })
+        *Decode::counters(self)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::container::{Container, Cursor, Stop};
 use crate::index::{Index, Seek, Times};
-use crate::{Error, ErrorKind, Format, Limits, Payload};
+use crate::{Error, ErrorKind, Format, Frame, ImuSample, Limits, Payload, Stream};
 use lobula_core::wire::Encoding;
 use lobula_core::{Block, Counters, Event, Geometry, Sink, Span, Trigger, full_time};
 use std::ops::Range;
@@ -74,6 +74,26 @@ impl Recording {
     /// The camera's bytes as they came, where the file holds them: what a live source would have sent.
     pub fn payload(&self) -> Option<Payload> {
         self.container.payload()
+    }
+
+    /// Every stream of the file, also those we do not read.
+    pub fn streams(&self) -> Vec<Stream> {
+        self.container.streams()
+    }
+
+    /// Sentences about what is odd in the file and was no error.
+    pub fn warnings(&self) -> Vec<String> {
+        self.container.warnings()
+    }
+
+    /// Samples of the inertial sensor, in file order; none where the file has none. After an error there is no more.
+    pub fn imu(&self) -> impl Iterator<Item = Result<ImuSample, Error>> + Send + use<> {
+        self.container.imu()
+    }
+
+    /// Frames, in file order; none where the file has none. After an error there is no more.
+    pub fn frames(&self) -> impl Iterator<Item = Result<Frame, Error>> + Send + use<> {
+        self.container.frames()
     }
 
     /// Every event and trigger, in file order.

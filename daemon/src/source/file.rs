@@ -248,7 +248,7 @@ impl Pacer {
 mod tests {
     use super::*;
     use lobula_core::{Polarity, Span};
-    use lobula_formats::{RawWriter, WriteOptions};
+    use lobula_formats::{WriteOptions, Writer};
 
     const GEOMETRY: Geometry = Geometry::new(64, 48);
 
@@ -257,7 +257,9 @@ mod tests {
         let time = |i: u32| 5_000_000 + i * 100 + if i < 50 { 0 } else { 20_000 };
         let events: Vec<_> = (0..100).map(|i| Event::new(time(i), i as u16 % 64, 7, Polarity::On)).collect();
         let path = folder.path().join("recording.raw");
-        let mut writer = RawWriter::create(&path, encoding, GEOMETRY, &WriteOptions::default()).unwrap();
+        let mut options = WriteOptions::default();
+        options.encoding = Some(encoding);
+        let mut writer = Writer::create(&path, Some(GEOMETRY), &options).unwrap();
         let t_last = time(99).into();
         writer.write(Span { t_first: 5_000_000, t_last, geometry: GEOMETRY, events: &events }).unwrap();
         writer.finish().unwrap();

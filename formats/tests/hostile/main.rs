@@ -3,30 +3,34 @@
 
 use lobula_core::wire::Encoding;
 use lobula_core::{Event, Geometry, Polarity, Span};
-use lobula_formats::{OpenOptions, RawWriter, Summary, WithDigest, WriteOptions, open, open_with};
+use lobula_formats::{Blocks, Error, OpenOptions, Summary, WithDigest, WriteOptions, Writer, open_with};
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
-use std::sync::{Mutex, PoisonError};
 
-/// The system's allocator, which keeps count of what is in use and of the most that was.
+/// The system's allocator, which keeps count of what each thread has in use and of the most that it had. Reading a
+/// recording is the work of one thread, so the formats can be tested side by side.
 struct Counting;
 
-static IN_USE: AtomicUsize = AtomicUsize::new(0);
-static PEAK: AtomicUsize = AtomicUsize::new(0);
+thread_local! {
+    static IN_USE: Cell<usize> = const { Cell::new(0) };
+    static PEAK: Cell<usize> = const { Cell::new(0) };
+}
 
 #[allow(unsafe_code)] // an allocator cannot be written without
 // SAFETY: every call goes to the system's allocator unchanged; only numbers are kept beside it.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let now = IN_USE.fetch_add(layout.size(), Relaxed) + layout.size();
-        PEAK.fetch_max(now, Relaxed);
+        let now = IN_USE.get().wrapping_add(layout.size());
+        IN_USE.set(now);
+        PEAK.set(PEAK.get().max(now));
         // SAFETY: the caller's promise, passed on.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        IN_USE.fetch_sub(layout.size(), Relaxed);
+        // What another thread made may end here.
+        IN_USE.set(IN_USE.get().saturating_sub(layout.size()));
         // SAFETY: the caller's promise, passed on.
         unsafe { System.dealloc(memory, layout) }
     }
@@ -38,15 +42,12 @@ static ALLOCATOR: Counting = Counting;
 /// Memory that opening and reading may take above the file's size.
 const BYTES_MAX: usize = 64 << 20;
 
-/// One at a time: the peak is the process's.
-static ALONE: Mutex<()> = Mutex::new(());
-
 /// Runs `job`; the most memory it took above what was in use before.
 fn peak(job: impl FnOnce()) -> usize {
-    let before = IN_USE.load(Relaxed);
-    PEAK.store(before, Relaxed);
+    let before = IN_USE.get();
+    PEAK.set(before);
     job();
-    PEAK.load(Relaxed) - before
+    PEAK.get() - before
 }
 
 /// Runs `job` and checks its memory.
@@ -57,33 +58,60 @@ fn bounded<T>(job: impl FnOnce() -> T) -> T {
     done.unwrap()
 }
 
-/// Opens and reads to the end, by blocks and by a slice: an error that says where, or every byte in one count.
-fn read(path: &Path) -> Option<Summary> {
-    let recording = match open(path) {
-        Ok(recording) => recording,
-        Err(error) => {
-            assert!(error.to_string().contains("; "), "{error}");
-            return None;
-        }
-    };
-    let payload = recording.payload().unwrap().range();
-    let summary = Summary::of(&recording, WithDigest::No).unwrap();
-    assert_eq!(summary.bytes_decoded + summary.bytes_faulty, payload.end - payload.start, "{summary:?}");
-    let mut slice = recording.slice_time(summary.t_first_us.unwrap_or(0)..u64::MAX).unwrap();
-    let mut events = 0;
-    while let Some(chunk) = slice.next_block().unwrap() {
-        events += chunk.block.len() as u64;
-    }
-    assert!(events <= summary.events);
-    Some(summary)
+/// A format under attack.
+struct Target {
+    /// End of the file's name.
+    extension: &'static str,
+    /// Small files of it with everything that it can hold, written to the path one after the other.
+    wholes: fn(&Path) -> Vec<Vec<u8>>,
+    /// What must be said of them because the files do not.
+    say: fn(&mut OpenOptions),
+    /// How many of the mutations open at least, and how many of those are found faulty at least.
+    reached: [usize; 2],
 }
 
-/// A small file with every kind of word that the encoder makes.
-fn small(path: &Path, encoding: Encoding) -> Vec<u8> {
+/// Every format: a line each.
+macro_rules! targets {
+    ($($name:ident: $target:expr,)*) => {
+        $(mod $name {
+            use super::*;
+
+            #[test]
+            fn every_prefix() {
+                super::every_prefix(&$target);
+            }
+
+            #[test]
+            fn a_hundred_thousand_mutations() {
+                super::a_hundred_thousand_mutations(&$target);
+            }
+        })*
+    };
+}
+
+targets! {
+    raw: Target { extension: "raw", wholes: raw, say: |_| {}, reached: [20_000, 10_000] },
+    nmnist: Target { extension: "bin", wholes: nmnist, say: |_| {}, reached: [20_000, 0] },
+}
+
+fn nmnist(_: &Path) -> Vec<Vec<u8>> {
+    let word = |i: u8| if i == 240 { [0, 240, 0, 0, 0] } else { [i, i / 2, i, 0, i] };
+    vec![(0..=255).chain(0..225).map(word).collect::<Vec<_>>().concat()]
+}
+
+/// A small file with every kind of word that the encoder makes, in every encoding.
+fn raw(path: &Path) -> Vec<Vec<u8>> {
+    let encodings = Encoding::ALL.iter().copied();
+    encodings.map(|encoding| written(path, |options| options.encoding = Some(encoding))).collect()
+}
+
+/// A small file as we write it: runs and single events, times further and further apart.
+fn written(path: &Path, set: impl FnOnce(&mut WriteOptions)) -> Vec<u8> {
     let geometry = Geometry::new(1280, 720);
     let mut options = WriteOptions::default();
     options.overwrite = true;
-    let mut writer = RawWriter::create(path, encoding, geometry, &options).unwrap();
+    set(&mut options);
+    let mut writer = Writer::create(path, Some(geometry), &options).unwrap();
     for i in 0..120u64 {
         let t = 1_000 + i * i * 37;
         let run = [0, 1, 2, 5].map(|x| Event::new(t as u32, 64 + x, i as u16, Polarity::from_bit(i as u16)));
@@ -93,37 +121,92 @@ fn small(path: &Path, encoding: Encoding) -> Vec<u8> {
     std::fs::read(path).unwrap()
 }
 
-#[test]
-fn every_prefix() {
-    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("it.raw");
-    for encoding in Encoding::ALL.iter().copied() {
-        let whole = small(&path, encoding);
+/// What reading a file came to.
+struct Outcome {
+    /// Events before the end or an error.
+    events: u64,
+    /// Whether something was wrong: an error, or a fault counted.
+    faulty: bool,
+}
+
+/// Opens and reads to the end, by blocks and by a slice: an error that says where, or every byte in one count.
+fn read(path: &Path, target: &Target) -> Option<Outcome> {
+    let mut options = OpenOptions::default();
+    (target.say)(&mut options);
+    let recording = match open_with(path, &options) {
+        Ok(recording) => recording,
+        Err(error) => {
+            assert!(error.to_string().contains("; "), "{error}");
+            return None;
+        }
+    };
+    let mut blocks = recording.blocks();
+    let (events, error) = count(&mut blocks);
+    let counters = blocks.counters();
+    assert!(counters.events >= events, "{counters:?} but {events} events");
+    assert_eq!(counters.faults.total() == 0, counters.bytes_faulty == 0, "{counters:?}");
+    match (&error, recording.payload()) {
+        (None, Some(payload)) => {
+            let range = payload.range();
+            assert_eq!(
+                counters.bytes_decoded + counters.bytes_faulty,
+                range.end - range.start,
+                "{counters:?}"
+            );
+        }
+        (None, None) => {}
+        (Some(error), _) => assert!(error.to_string().contains(" at byte "), "{error}"),
+    }
+    if let Ok(mut slice) = recording.slice_time(0..u64::MAX) {
+        assert!(error.is_none(), "the index is made by a full pass");
+        assert_eq!(count(&mut slice).0, events);
+    }
+    let side =
+        recording.imu().filter(Result::is_err).count() + recording.frames().filter(Result::is_err).count();
+    assert!(side <= 2, "an error ends a stream");
+    Some(Outcome { events, faulty: error.is_some() || counters.bytes_faulty > 0 })
+}
+
+/// Number of events until the end, or an error.
+fn count(blocks: &mut Blocks) -> (u64, Option<Error>) {
+    let mut events = 0;
+    loop {
+        match blocks.next_block() {
+            Ok(Some(chunk)) => events += chunk.block.len() as u64,
+            Ok(None) => return (events, None),
+            Err(error) => return (events, Some(error)),
+        }
+    }
+}
+
+fn every_prefix(target: &Target) {
+    let folder = tempfile::tempdir_in(memory()).unwrap();
+    let path = folder.path().join("it").with_extension(target.extension);
+    for whole in (target.wholes)(&path) {
         let mut events_before = 0;
         for len in 0..=whole.len() {
             std::fs::write(&path, &whole[..len]).unwrap();
-            let Some(summary) = bounded(|| read(&path)) else { continue };
-            assert!(summary.events >= events_before, "a longer prefix has no fewer events");
-            assert!(summary.faults["cut_short"] <= 1);
-            events_before = summary.events;
+            let Some(outcome) = bounded(|| read(&path, target)) else { continue };
+            assert!(
+                outcome.events >= events_before,
+                "a prefix of {len} bytes has fewer events than a shorter one"
+            );
+            events_before = outcome.events;
         }
-        assert_eq!(events_before, 480, "{encoding}");
+        assert_eq!(events_before, 480);
     }
 }
 
 /// A file of 40 MB is written, read, indexed and sliced in the memory of one of 1 MB, and within the index's limit.
 #[test]
 fn memory_does_not_grow_with_the_file() {
-    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = tempfile::tempdir_in(memory()).unwrap();
     let path = folder.path().join("long.raw");
     let geometry = Geometry::new(1280, 720);
     let (mut options, limit) = (OpenOptions::default(), 16 << 10);
     options.limits.index_bytes_max = limit;
     let peak = peak(|| {
-        let mut writer =
-            RawWriter::create(&path, Encoding::Evt2, geometry, &WriteOptions::default()).unwrap();
+        let mut writer = raw_writer(&path, Encoding::Evt2, geometry, &WriteOptions::default()).unwrap();
         for second in 0..1_000u32 {
             let events: Vec<_> =
                 (0..10_000).map(|i| Event::new(second * 1_000_000 + i * 100, 1, 2, Polarity::On)).collect();
@@ -177,25 +260,24 @@ impl Draw {
     }
 }
 
-#[test]
-fn a_hundred_thousand_mutations() {
-    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+fn a_hundred_thousand_mutations(target: &Target) {
     let folder = tempfile::tempdir_in(memory()).unwrap();
-    let path = folder.path().join("it.raw");
-    let wholes = Encoding::ALL.iter().map(|encoding| small(&path, *encoding)).collect::<Vec<_>>();
+    let path = folder.path().join("it").with_extension(target.extension);
+    let wholes = (target.wholes)(&path);
     let mut draw = Draw(0x2545_F491_4F6C_DD1D);
     let (mut opened, mut faulty) = (0, 0);
     for i in 0..100_000 {
         let mut bytes = wholes[i % wholes.len()].clone();
         draw.mutate(&mut bytes);
         std::fs::write(&path, &bytes).unwrap();
-        let Some(summary) = bounded(|| read(&path)) else { continue };
+        let Some(outcome) = bounded(|| read(&path, target)) else { continue };
         opened += 1;
-        faulty += usize::from(summary.bytes_faulty > 0);
+        faulty += usize::from(outcome.faulty);
     }
+    let [opened_min, faulty_min] = target.reached;
     assert!(
-        opened > 20_000 && faulty > 10_000,
-        "the mutations reach the decoders: {opened} opened, {faulty} faulty"
+        opened >= opened_min && faulty >= faulty_min,
+        "the mutations do not reach the decoders: {opened} opened, {faulty} faulty"
     );
 }
 
@@ -203,4 +285,16 @@ fn a_hundred_thousand_mutations() {
 fn memory() -> std::path::PathBuf {
     let shm = Path::new("/dev/shm");
     if shm.is_dir() { shm.to_owned() } else { std::env::temp_dir() }
+}
+
+/// A RAW file of this encoding, whatever it is called.
+fn raw_writer(
+    path: impl AsRef<Path>,
+    encoding: Encoding,
+    geometry: Geometry,
+    options: &WriteOptions,
+) -> Result<Writer, Error> {
+    let mut options = options.clone();
+    (options.encoding, options.format) = (Some(encoding), Some("raw".into()));
+    Writer::create(path, Some(geometry), &options)
 }

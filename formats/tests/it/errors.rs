@@ -1,9 +1,10 @@
 //! Every error is one sentence with the path, the cause and what to do.
 
+use super::raw_writer;
 use lobula_core::wire::Encoding;
 use lobula_core::{Event, Fault, Geometry, Polarity, Span};
 use lobula_formats::{
-    Error, ErrorKind, OpenOptions, RawWriter, Summary, WithDigest, WriteOptions, open, open_with,
+    Error, ErrorKind, FORMATS, OpenOptions, Summary, WithDigest, WriteOptions, open, open_with,
 };
 use lobula_tests::data;
 use std::path::{Path, PathBuf};
@@ -37,10 +38,11 @@ const CONVERT: &str = "convert it to one of these, or give --encoding if it is t
 
 #[test]
 fn content() {
+    let known = FORMATS.iter().map(|format| format.name).collect::<Vec<_>>().join(", ");
     check(b"", ErrorKind::Empty, "is empty (0 bytes); record it again or copy it again");
-    let text = format!("is text, and no recording of a known format (Prophesee RAW); {CONVERT}");
+    let text = format!("is text, and no recording of a known format ({known}); {CONVERT}");
     check(b"hello, world\n", ErrorKind::UnknownFormat, &text);
-    let binary = format!("is no recording of a known format (Prophesee RAW); {CONVERT}");
+    let binary = format!("is no recording of a known format ({known}); {CONVERT}");
     check(&[0, 1, 2, 0x80], ErrorKind::UnknownFormat, &binary);
     check(b"% Data file containing CD events\n% Version 2\n\x0c\x08", ErrorKind::UnknownFormat, &binary);
     let size = "has the sensor size 1000000x1000000, beyond 8192 pixels a side, at byte 10; give the true size with --sensor-size WxH";
@@ -112,7 +114,7 @@ fn a_file_cut_while_it_is_read_is_an_error_after_the_events_before_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.raw");
     let geometry = Geometry::new(1280, 720);
-    let mut writer = RawWriter::create(&path, Encoding::Evt2, geometry, &WriteOptions::default()).unwrap();
+    let mut writer = raw_writer(&path, Encoding::Evt2, geometry, &WriteOptions::default()).unwrap();
     let events: Vec<_> = (0..60_000).map(|t| Event::new(t, 1, 2, Polarity::On)).collect();
     writer.write(Span { t_first: 0, t_last: 59_999, geometry, events: &events }).unwrap();
     writer.finish().unwrap();

@@ -6,8 +6,10 @@ mod round_trip;
 mod slices;
 mod truth;
 
-use lobula_core::{Event, Trigger};
-use lobula_formats::{Blocks, Part, Recording};
+use lobula_core::wire::Encoding;
+use lobula_core::{Event, Geometry, Trigger};
+use lobula_formats::{Blocks, Error, Part, Recording, WriteOptions, Writer};
+use std::path::Path;
 
 /// What blocks gave until their end.
 #[derive(Default)]
@@ -38,4 +40,16 @@ fn everything(mut blocks: Blocks) -> All {
 
 fn events_of(recording: &Recording) -> Vec<(u64, Event)> {
     everything(recording.blocks()).events
+}
+
+/// A RAW file of this encoding, whatever it is called.
+fn raw_writer(
+    path: impl AsRef<Path>,
+    encoding: Encoding,
+    geometry: Geometry,
+    options: &WriteOptions,
+) -> Result<Writer, Error> {
+    let mut options = options.clone();
+    (options.encoding, options.format) = (Some(encoding), Some("raw".into()));
+    Writer::create(path, Some(geometry), &options)
 }

@@ -1,18 +1,16 @@
 //! Written files hold the same events, or are refused and not there.
 
-use super::{events_of, everything};
+use super::{events_of, everything, raw_writer};
 use lobula_core::wire::Encoding;
 use lobula_core::{Event, Geometry, Polarity, Span};
-use lobula_formats::{
-    Error, ErrorKind, RawWriter, Rebase, Recording, Summary, WithDigest, WriteOptions, Written, open,
-};
+use lobula_formats::{Error, ErrorKind, Rebase, Recording, Summary, WithDigest, WriteOptions, Written, open};
 use lobula_tests::data;
 use std::path::Path;
 
 const HD: Geometry = Geometry::new(1280, 720);
 
 fn copy(from: &Recording, to: &Path, encoding: Encoding, options: &WriteOptions) -> Result<Written, Error> {
-    let mut writer = RawWriter::create(to, encoding, from.sensor_size()?, options)?;
+    let mut writer = raw_writer(to, encoding, from.sensor_size()?, options)?;
     let mut blocks = from.blocks();
     while let Some(chunk) = blocks.next_block()? {
         writer.write_chunk(&chunk)?;
@@ -26,7 +24,7 @@ fn write_at(
     times: &[u64],
     options: &WriteOptions,
 ) -> Result<Written, Error> {
-    let mut writer = RawWriter::create(path, encoding, HD, options)?;
+    let mut writer = raw_writer(path, encoding, HD, options)?;
     for t in times {
         let events = [Event::new(*t as u32, 3, 4, Polarity::On)];
         writer.write(Span { t_first: *t, t_last: *t, geometry: HD, events: &events })?;
@@ -119,14 +117,14 @@ fn every_pixel_of_the_largest_sensor_and_none_beyond() {
     let corners = [(0, 0), (2047, 0), (0, 2047), (2047, 2047), (1024, 31)];
     for encoding in Encoding::ALL.iter().copied() {
         let path = folder.path().join(encoding.name());
-        let mut writer = RawWriter::create(&path, encoding, largest, &WriteOptions::default()).unwrap();
+        let mut writer = raw_writer(&path, encoding, largest, &WriteOptions::default()).unwrap();
         let events = corners.map(|(x, y)| Event::new(5, x, y, Polarity::Off));
         writer.write(Span { t_first: 5, t_last: 5, geometry: largest, events: &events }).unwrap();
         writer.finish().unwrap();
         let found: Vec<_> = events_of(&open(&path).unwrap()).iter().map(|(_, event)| *event).collect();
         assert_eq!(found, events, "{encoding}");
 
-        let error = RawWriter::create(&path, encoding, Geometry::new(2049, 1), &WriteOptions::default());
+        let error = raw_writer(&path, encoding, Geometry::new(2049, 1), &WriteOptions::default());
         assert_eq!(error.unwrap_err().kind(), ErrorKind::Refused);
     }
 }
@@ -135,7 +133,7 @@ fn every_pixel_of_the_largest_sensor_and_none_beyond() {
 fn an_event_off_the_sensor_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let mut writer =
-        RawWriter::create(folder.path().join("a.raw"), Encoding::Evt3, HD, &WriteOptions::default()).unwrap();
+        raw_writer(folder.path().join("a.raw"), Encoding::Evt3, HD, &WriteOptions::default()).unwrap();
     let geometry = Geometry::new(2048, 2048);
     let events = [Event::new(5, 1279, 719, Polarity::Off), Event::new(5, 1280, 0, Polarity::Off)];
     let span = Span { t_first: 5, t_last: 5, geometry, events: &events };
@@ -154,7 +152,7 @@ fn a_file_is_replaced_only_on_request_and_only_whole() {
     assert!(error.remedy().contains("--overwrite"), "{error}");
     let mut options = WriteOptions::default();
     options.overwrite = true;
-    drop(RawWriter::create(&path, Encoding::Evt2, HD, &options).unwrap());
+    drop(raw_writer(&path, Encoding::Evt2, HD, &options).unwrap());
     assert_eq!(times(&path), [1], "the old one stays until the new one is complete");
     write_at(&path, Encoding::Evt2, &[2], &options).unwrap();
     assert_eq!((times(&path), names(folder.path())), (vec![2], vec!["a.raw".to_owned()]));

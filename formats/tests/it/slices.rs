@@ -1,11 +1,9 @@
 //! Slices by time and by number are what a full pass would keep.
 
-use super::{All, events_of, everything};
+use super::{All, events_of, everything, raw_writer};
 use lobula_core::wire::{Encoding, WordOrder};
 use lobula_core::{Event, Geometry, Polarity, Span, Trigger};
-use lobula_formats::{
-    Limits, OpenOptions, RawWriter, Recording, Summary, WithDigest, WriteOptions, open, open_with,
-};
+use lobula_formats::{Limits, OpenOptions, Recording, Summary, WithDigest, WriteOptions, open, open_with};
 use lobula_tests::data;
 use proptest::prelude::*;
 use std::ops::Range;
@@ -123,7 +121,7 @@ fn index_limit(bytes: usize) -> Limits {
 
 fn write(path: &Path, encoding: Encoding, events: &[(u64, Event)]) {
     let geometry = Geometry::new(2048, 2048);
-    let mut writer = RawWriter::create(path, encoding, geometry, &WriteOptions::default()).unwrap();
+    let mut writer = raw_writer(path, encoding, geometry, &WriteOptions::default()).unwrap();
     for (t, event) in events {
         writer.write(Span { t_first: *t, t_last: *t, geometry, events: &[*event] }).unwrap();
     }

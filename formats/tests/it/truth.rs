@@ -2,26 +2,51 @@
 
 use lobula_core::wire::AnyDecoder;
 use lobula_core::{Decode, Event, Polarity, Sink};
-use lobula_formats::{Digest, Summary, WithDigest, open};
+use lobula_formats::{Digest, OpenOptions, Summary, WithDigest, open, open_with};
 use lobula_tests::data;
 use serde_json::Value;
 
-const FILES: [&str; 5] = [
-    "evt2_gen3_640x480.raw",
-    "evt21_le_1280x720.raw",
-    "evt21_legacy_1280x720.raw",
-    "evt3_gen41_1280x720.raw",
-    "evt3_trigger_1280x720.raw",
+/// A real recording, and what must be said of it because the file does not.
+pub struct Sample {
+    pub file: &'static str,
+    pub say: fn(&mut OpenOptions),
+}
+
+const fn sample(file: &'static str) -> Sample {
+    Sample { file, say: |_| {} }
+}
+
+impl Sample {
+    pub fn options(&self) -> OpenOptions {
+        let mut options = OpenOptions::default();
+        (self.say)(&mut options);
+        options
+    }
+}
+
+/// Every sample that opens; those that hold a camera's bytes first.
+pub const SAMPLES: &[Sample] = &[
+    sample("evt2_gen3_640x480.raw"),
+    sample("evt21_le_1280x720.raw"),
+    sample("evt21_legacy_1280x720.raw"),
+    sample("evt3_gen41_1280x720.raw"),
+    sample("evt3_trigger_1280x720.raw"),
 ];
+
+/// Those that hold a camera's bytes in order.
+const RAW: usize = 5;
+
 const KEYS: [&str; 8] = ["events", "on", "off", "t_first_us", "t_last_us", "width", "height", "sha256"];
 
 #[test]
 fn counts_times_sizes_and_digests() {
     let Some(truth) = data("truth.json") else { return };
     let truth: Value = serde_json::from_slice(&std::fs::read(truth).unwrap()).unwrap();
-    for file in FILES {
+    for sample in SAMPLES {
+        let file = sample.file;
         let Some(path) = data(file) else { return };
-        let summary = Summary::of(&open(path).unwrap(), WithDigest::Yes).unwrap();
+        let recording = open_with(path, &sample.options()).unwrap();
+        let summary = Summary::of(&recording, WithDigest::Yes).unwrap();
         let summary = serde_json::to_value(&summary).unwrap();
         for key in KEYS {
             assert_eq!(summary[key], truth[file][key], "{file} {key}");
@@ -31,7 +56,7 @@ fn counts_times_sizes_and_digests() {
 
 #[test]
 fn every_byte_is_in_one_count() {
-    for file in FILES {
+    for file in SAMPLES[..RAW].iter().map(|sample| sample.file) {
         let Some(path) = data(file) else { return };
         let recording = open(path).unwrap();
         let payload = recording.payload().unwrap().range();
@@ -44,7 +69,7 @@ fn every_byte_is_in_one_count() {
 /// What a live source does: the bytes in transfers of any length through a decoder.
 #[test]
 fn the_payload_decodes_to_the_blocks() {
-    for file in FILES {
+    for file in SAMPLES[..RAW].iter().map(|sample| sample.file) {
         let Some(path) = data(file) else { return };
         let recording = open(path).unwrap();
         let mut payload = recording.payload().unwrap();

@@ -1,0 +1,125 @@
+//! The cursor of formats that are bytes in order: it reads, a decoder decodes. One for all of them.
+
+use crate::container::{Cursor, Stop};
+use crate::input::Input;
+use crate::{Error, ErrorKind};
+use lobula_core::{Counters, Sink};
+use std::fmt::Debug;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Bytes of a file in, events out. Chunk invariant: any split of the bytes gives the same events and counts.
+pub(crate) trait ByteDecoder: Clone + Debug + Send + Sync + 'static {
+    /// Decodes what is whole. Bytes of a record that is cut are left untaken, and given again with more after them.
+    fn decode(&mut self, bytes: &[u8], sink: &mut Sink<'_>) -> Result<Step, Bad>;
+
+    /// The file has ended after these untaken bytes: they become a fault.
+    fn finish(&mut self, unread: &[u8]);
+
+    /// What was done so far.
+    fn counters(&self) -> Counters;
+}
+
+/// What one call of a decoder did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Step {
+    /// Bytes taken.
+    pub taken: usize,
+    /// The sink takes no more; else the bytes not taken are the start of a longer record.
+    pub full: bool,
+}
+
+/// Why decoding cannot go on: for what no count and no skip can make good, such as a time that no event can hold.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Bad {
+    /// Where, counted from the first byte of the call.
+    pub offset: usize,
+    pub kind: ErrorKind,
+    pub what: String,
+    pub remedy: String,
+}
+
+/// Bytes read at once.
+const READ_BYTES: usize = 64 << 10;
+/// Longest record.
+const RECORD_BYTES_MAX: usize = 16 << 20;
+
+/// A decoder and the bytes it takes next.
+#[derive(Debug)]
+pub(crate) struct ByteCursor<D> {
+    input: Arc<Input>,
+    decoder: D,
+    /// Offset in the file of the byte after those in `buffer`.
+    next: u64,
+    /// Offset at which the records end.
+    end: u64,
+    /// Empty until the first read, so that a checkpoint is small.
+    buffer: Vec<u8>,
+    /// The part of `buffer` that is not decoded yet.
+    unread: Range<usize>,
+}
+
+impl<D: ByteDecoder> ByteCursor<D> {
+    /// A cursor over the bytes of `range`.
+    pub fn new(input: Arc<Input>, range: Range<u64>, decoder: D) -> Self {
+        Self { input, decoder, next: range.start, end: range.end, buffer: Vec::new(), unread: 0..0 }
+    }
+
+    /// Reads on, after what is not decoded yet; false at the end.
+    fn refill(&mut self) -> Result<bool, Error> {
+        let unread = self.unread.len();
+        self.buffer.copy_within(self.unread.clone(), 0);
+        self.unread = 0..unread;
+        let left = usize::try_from(self.end.saturating_sub(self.next)).unwrap_or(usize::MAX);
+        // A record longer than the buffer makes the buffer longer.
+        let want = left.min(READ_BYTES.max(unread));
+        if want > 0 && unread + want > RECORD_BYTES_MAX + READ_BYTES {
+            return Err(self.endless());
+        }
+        self.buffer.resize(unread + want, 0);
+        let len = self.input.read_at(self.next, &mut self.buffer[unread..])?;
+        self.next += len as u64;
+        self.unread.end += len;
+        Ok(len > 0)
+    }
+
+    fn endless(&self) -> Error {
+        let what = format!("has a record of more than {RECORD_BYTES_MAX} bytes");
+        Error::new(ErrorKind::TooLarge, self.input.path(), what, "it is damaged there: copy it again")
+            .at(self.position())
+    }
+}
+
+impl<D: ByteDecoder> Cursor for ByteCursor<D> {
+    fn fill(&mut self, sink: &mut Sink<'_>) -> Result<Stop, Error> {
+        loop {
+            let bytes = &self.buffer[self.unread.clone()];
+            let step = self.decoder.decode(bytes, sink).map_err(|bad| {
+                let Bad { offset, kind, what, remedy } = bad;
+                Error::new(kind, self.input.path(), what, remedy).at(self.position() + offset as u64)
+            })?;
+            self.unread.start += step.taken;
+            if step.full {
+                return Ok(Stop::Full);
+            }
+            if !self.refill()? {
+                self.decoder.finish(&self.buffer[self.unread.clone()]);
+                self.unread.start = self.unread.end;
+                return Ok(Stop::End);
+            }
+        }
+    }
+
+    fn position(&self) -> u64 {
+        self.next - self.unread.len() as u64
+    }
+
+    fn counters(&self) -> Counters {
+        self.decoder.counters()
+    }
+
+    fn fork(&self) -> Box<dyn Cursor> {
+        let (input, decoder, next) = (self.input.clone(), self.decoder.clone(), self.position());
+        Box::new(Self { input, decoder, next, end: self.end, buffer: Vec::new(), unread: 0..0 })
+    }
+}
