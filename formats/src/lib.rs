@@ -17,6 +17,7 @@
 
 mod byte_cursor;
 mod container;
+mod copy;
 mod digest;
 mod error;
 mod index;
@@ -33,6 +34,7 @@ mod recording;
 mod stream;
 mod write;
 
+pub use copy::{Copied, CopyOptions, CopyPart, copy};
 pub use digest::Digest;
 pub use error::{Error, ErrorKind};
 pub use index::{Index, Times};

@@ -87,12 +87,12 @@ impl Recording {
     }
 
     /// Samples of the inertial sensor, in file order; none where the file has none. After an error there is no more.
-    pub fn imu(&self) -> impl Iterator<Item = Result<ImuSample, Error>> + Send + use<> {
+    pub fn imu(&self) -> Box<dyn Iterator<Item = Result<ImuSample, Error>> + Send> {
         self.container.imu()
     }
 
     /// Frames, in file order; none where the file has none. After an error there is no more.
-    pub fn frames(&self) -> impl Iterator<Item = Result<Frame, Error>> + Send + use<> {
+    pub fn frames(&self) -> Box<dyn Iterator<Item = Result<Frame, Error>> + Send> {
         self.container.frames()
     }
 

@@ -1,6 +1,7 @@
 //! The formats crate from outside: truth from other programs, slices against a full pass, round trips, messages.
 #![allow(clippy::unwrap_used)] // helpers of tests may too
 
+mod conversion;
 mod errors;
 mod round_trip;
 mod slices;

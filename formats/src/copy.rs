@@ -1,0 +1,190 @@
+//! Copies a recording, or a part of it, into another file: every stream that both formats have, in constant memory.
+
+use crate::container::Items;
+use crate::{Blocks, Error, ErrorKind, Frame, ImuSample, Part, Recording, Writer};
+use lobula_core::{Block, Event, Filter, Span};
+use std::iter::Peekable;
+use std::ops::Range;
+
+/// Which part of a recording to copy, and through what.
+#[derive(Default)]
+#[non_exhaustive]
+pub struct CopyOptions<'a> {
+    /// Which part. Default: all.
+    pub part: CopyPart,
+    /// What thins the events; triggers and other streams are not filtered. Default: nothing.
+    pub filter: Option<&'a mut dyn Filter>,
+    /// Told of the [position](Blocks::position) reached, after each block.
+    pub progress: Option<&'a mut dyn FnMut(u64)>,
+}
+
+/// A part of a recording.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum CopyPart {
+    /// All.
+    #[default]
+    All,
+    /// What is of `start <= time < end`, in µs.
+    Time(Range<u64>),
+    /// Events of these numbers, counted from 0 in file order, and of the other streams what lies between their times.
+    Events(Range<u64>),
+}
+
+/// What a copy left out on request.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Copied {
+    /// Events read.
+    pub read: u64,
+    /// Those that the filter dropped.
+    pub filtered: u64,
+    /// Events that the reader dropped since they are off the sensor.
+    pub off_sensor: u64,
+    /// Bytes that could not be read.
+    pub bytes_faulty: u64,
+}
+
+/// Copies a part of a recording; finishing the file is left to the caller.
+///
+/// ```no_run
+/// use lobula_formats::{CopyOptions, WriteOptions, Writer, copy, open};
+/// let recording = open("driving.raw")?;
+/// let mut writer = Writer::create("driving.aedat4", recording.geometry(), &WriteOptions::default())?;
+/// copy(&recording, &mut writer, CopyOptions::default())?;
+/// writer.finish()?;
+/// # Ok::<(), lobula_formats::Error>(())
+/// ```
+///
+/// # Errors
+/// Those of reading, and what the format written cannot hold.
+pub fn copy(recording: &Recording, writer: &mut Writer, options: CopyOptions<'_>) -> Result<Copied, Error> {
+    let CopyOptions { part, mut filter, mut progress } = options;
+    let mut blocks = match &part {
+        CopyPart::All => recording.blocks(),
+        CopyPart::Time(t) => recording.slice_time(t.clone())?,
+        CopyPart::Events(numbers) => recording.slice_events(numbers.clone())?,
+    };
+    let mut side = SideItems::new(recording, &part);
+    let mut copied = Copied::default();
+    let mut scratch = Vec::new();
+    let mut t_last = None;
+    while let Some(chunk) = blocks.next_block()? {
+        let span = chunk.span();
+        if let (Some(first), Some(last)) = (span.events.first(), span.events.last()) {
+            side.write_before(span.time(*first), writer)?;
+            t_last = Some(span.time(*last));
+        }
+        copied.read += span.events.len() as u64;
+        match filter.as_deref_mut() {
+            None => writer.write_chunk(&chunk)?,
+            Some(filter) => {
+                for part in chunk.parts() {
+                    match part {
+                        Part::Events(span) => {
+                            let kept = thin(span, filter, &mut scratch, recording)?;
+                            copied.filtered += (span.events.len() - kept.events.len()) as u64;
+                            writer.write(kept)?;
+                        }
+                        Part::Trigger(trigger) => writer.write_trigger(trigger)?,
+                    }
+                }
+            }
+        }
+        if let Some(progress) = &mut progress {
+            progress(blocks.position());
+        }
+    }
+    side.write_rest(t_last, writer)?;
+    count_losses(&blocks, &part, &mut copied);
+    Ok(copied)
+}
+
+/// The reader's counts go from the start of the recording, so they say something of a whole copy only.
+fn count_losses(blocks: &Blocks, part: &CopyPart, copied: &mut Copied) {
+    if *part == CopyPart::All {
+        let counters = blocks.counters();
+        (copied.off_sensor, copied.bytes_faulty) = (counters.off_sensor, counters.bytes_faulty);
+    }
+}
+
+/// The events that a filter keeps, in memory of their own.
+fn thin<'a>(
+    span: Span<'a>,
+    filter: &mut dyn Filter,
+    scratch: &'a mut Vec<Event>,
+    recording: &Recording,
+) -> Result<Span<'a>, Error> {
+    scratch.clear();
+    scratch.extend_from_slice(span.events);
+    let mut block = Block::new(span.t_first, span.t_last, span.geometry, scratch);
+    let kept = filter.retain(&mut block).map_err(|wrong| {
+        let remedy = "make the filter for the size of the recording";
+        Error::new(ErrorKind::Refused, recording.path(), format!("cannot be filtered: {wrong}"), remedy)
+    })?;
+    Ok(span.with_events(&scratch[..kept]))
+}
+
+/// The streams beside the events, each as far as it was written.
+struct SideItems {
+    imu: Peekable<Items<ImuSample>>,
+    frames: Peekable<Items<Frame>>,
+    /// Times to copy.
+    window: Window,
+}
+
+/// Which side items to copy.
+enum Window {
+    /// Those of these times.
+    Of(Range<u64>),
+    /// Those from this time on until the last event's; not known before the first event.
+    OfEvents(Option<u64>),
+}
+
+impl Window {
+    fn contains(&self, t: u64) -> bool {
+        match self {
+            Self::Of(range) => range.contains(&t),
+            Self::OfEvents(first) => first.is_some_and(|first| t >= first),
+        }
+    }
+}
+
+impl SideItems {
+    fn new(recording: &Recording, part: &CopyPart) -> Self {
+        let window = match part {
+            CopyPart::All => Window::Of(0..u64::MAX),
+            CopyPart::Time(t) => Window::Of(t.clone()),
+            CopyPart::Events(_) => Window::OfEvents(None),
+        };
+        Self { imu: recording.imu().peekable(), frames: recording.frames().peekable(), window }
+    }
+
+    /// Writes what comes before an event of time `t`.
+    fn write_before(&mut self, t: u64, writer: &mut Writer) -> Result<(), Error> {
+        if let Window::OfEvents(first @ None) = &mut self.window {
+            *first = Some(t);
+        }
+        while let Some(sample) = self.imu.next_if(|one| one.as_ref().map_or(true, |sample| sample.t < t)) {
+            let sample = sample?;
+            if self.window.contains(sample.t) {
+                writer.write_imu(&sample)?;
+            }
+        }
+        while let Some(frame) = self.frames.next_if(|one| one.as_ref().map_or(true, |frame| frame.t < t)) {
+            let frame = frame?;
+            if self.window.contains(frame.t) {
+                writer.write_frame(frame)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes what comes after the last event, whose time is `t_last`.
+    fn write_rest(&mut self, t_last: Option<u64>, writer: &mut Writer) -> Result<(), Error> {
+        match (&self.window, t_last) {
+            (Window::Of(_), _) => self.write_before(u64::MAX, writer),
+            (Window::OfEvents(_), Some(t_last)) => self.write_before(t_last.saturating_add(1), writer),
+            (Window::OfEvents(_), None) => Ok(()),
+        }
+    }
+}
