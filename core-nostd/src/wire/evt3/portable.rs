@@ -1,10 +1,10 @@
 //! Steady stretches without branches on the type of a word, which alternates almost at random: a branch there is
 //! mispredicted every few words, at 15 to 20 cycles each.
 //!
-//! The event that is next is kept as 64 bits, `t | x << 32 | y << 48 | on << 63`. Every word does the same: a
-//! multiplication spreads its payload to the fields, a mask by type says which of them are taken over, the event is
-//! stored, and the end of the output moves on by 1 for ADDR_X, else by 0. The words left to a branch are vectors
-//! (well predicted, since they come in threes) and whatever ends the stretch.
+//! The event that is next is kept as 64 bits, `t | x << 32 | y << 48 | on << 63`. Every word does the same: a mask by
+//! type clears the fields that it tells, a multiplication moves its payload there, the event is stored, and the end of
+//! the output moves on by 1 for ADDR_X, else by 0. The words left to a branch are vectors, taken whole where they come
+//! as cameras send them (a base and 12 + 12 + 8 columns), and whatever ends the stretch.
 
 use super::kernel::{Done, Steady};
 use super::{
@@ -17,45 +17,67 @@ const X_SHIFT: u32 = 32;
 const Y_SHIFT: u32 = 48;
 const ON_SHIFT: u32 = 63;
 const X: u64 = 0xFFFF << X_SHIFT;
+const Y: u64 = 0x7FFF << Y_SHIFT;
 const ON: u64 = 1 << ON_SHIFT;
+const TIME: u64 = u32::MAX as u64;
 
-/// What each type of word does to the event that is next. An array each, and not an array of these: so they are
-/// found without arithmetic.
+/// The upper bits of a word that say what it does: its type and the bit after it, which in ADDR_X is the polarity.
+const CLASS_SHIFT: u32 = POLARITY_SHIFT;
+const CLASSES: usize = 1 << (u16::BITS - CLASS_SHIFT);
+
+/// What a word of each class does to the event that is next: `event & kept + (word * spread + told)`. An array each,
+/// and not an array of these: so they are found without arithmetic.
 struct Effects {
-    /// Where the payload goes: a factor is a sum of shifts.
-    spread: [u64; 16],
-    /// Which bits of the event it replaces.
-    taken: [u64; 16],
+    /// The bits of the event that stay.
+    kept: [u64; CLASSES],
+    /// A power of 2 moves the payload to its field.
+    spread: [u64; CLASSES],
+    /// What the class itself tells (ON, the upper bit of a time), less what its bits become when they are moved.
+    told: [u64; CLASSES],
     /// How many events it completes.
-    adds: [usize; 16],
-    /// The first coordinate that is not for the branch-free path: 0 sends every word of the type to [`Vectors`], or
-    /// ends the stretch.
-    limit: [usize; 16],
+    adds: [usize; CLASSES],
 }
 
+static EFFECTS: Effects = Effects::new();
+
 impl Effects {
-    fn new(geometry: Geometry) -> Self {
-        const ALWAYS: usize = COORDINATE as usize + 1;
-        const COORDINATE_64: u64 = COORDINATE as u64;
-        let mut effects = Self { spread: [0; 16], taken: [0; 16], adds: [0; 16], limit: [0; 16] };
-        effects.set(ADDR_Y, geometry.height.into(), 1 << Y_SHIFT, COORDINATE_64 << Y_SHIFT);
-        let single = 1 << X_SHIFT | 1 << (ON_SHIFT - POLARITY_SHIFT);
-        effects.set(ADDR_X, geometry.width.into(), single, COORDINATE_64 << X_SHIFT | ON);
-        effects.set(TIME_LOW, ALWAYS, 1, PAYLOAD.into());
-        effects.set(OTHERS, ALWAYS, 0, 0);
-        effects.set(CONTINUED_4, ALWAYS, 0, 0);
-        effects.set(CONTINUED_12, ALWAYS, 0, 0);
-        effects.adds[usize::from(ADDR_X)] = 1;
+    const fn new() -> Self {
+        let mut effects =
+            Self { kept: [0; CLASSES], spread: [0; CLASSES], told: [0; CLASSES], adds: [0; CLASSES] };
+        let mut class = 0;
+        while class < CLASSES {
+            let (kind, bit) = (class as u16 >> 1, class as u64 & 1);
+            let (kept, shift, told) = match kind {
+                ADDR_Y => (TIME, Y_SHIFT, 0),
+                ADDR_X => (TIME | Y, X_SHIFT, bit << ON_SHIFT),
+                TIME_LOW => (!(PAYLOAD as u64), 0, bit << POLARITY_SHIFT),
+                _ => (u64::MAX, u64::BITS, 0),
+            };
+            effects.kept[class] = kept;
+            if let Some(spread) = 1u64.checked_shl(shift) {
+                effects.spread[class] = spread;
+                effects.told[class] = told.wrapping_sub(spread.wrapping_mul((class as u64) << CLASS_SHIFT));
+            }
+            effects.adds[class] = (kind == ADDR_X) as usize;
+            class += 1;
+        }
         effects
     }
+}
 
-    #[inline(always)]
-    fn set(&mut self, kind: u16, limit: usize, spread: u64, taken: u64) {
-        let kind = usize::from(kind & 15);
-        self.limit[kind] = limit;
-        self.spread[kind] = spread;
-        self.taken[kind] = taken;
-    }
+/// For each class the first word that is not for the branch-free path: 0 sends all of them to [`Vectors`], or ends the
+/// stretch.
+fn limits(geometry: Geometry) -> [u32; CLASSES] {
+    core::array::from_fn(|class| {
+        let first = (class as u32) << CLASS_SHIFT;
+        let pixels = |n: u16| first + u32::from(n).min(1 << CLASS_SHIFT);
+        match class as u16 >> 1 {
+            ADDR_Y => pixels(geometry.height),
+            ADDR_X => pixels(geometry.width),
+            TIME_LOW | OTHERS | CONTINUED_4 | CONTINUED_12 => u32::MAX,
+            _ => 0,
+        }
+    })
 }
 
 fn pack(time: u32, x: u16, y: u16, polarity: Polarity) -> u64 {
@@ -83,30 +105,58 @@ pub fn run(state: &mut Steady, words: &[[u8; 2]], out: &mut [Event]) -> Done {
     if state.row >= state.geometry.height {
         return Done::default(); // columns alone are compared with the limits
     }
-    let effects = Effects::new(state.geometry);
+    let limits = limits(state.geometry);
     let mut vectors = Vectors::new(state);
     let mut event = pack(state.time, 0, state.row, Polarity::Off);
-    let mut events = 0;
-    let mut rest = words;
-    while let [bytes, tail @ ..] = rest {
-        let Some(slot) = out.get_mut(events) else { break };
-        let word = u16::from_le_bytes(*bytes);
-        let kind = usize::from(word >> 12);
-        if usize::from(word & COORDINATE) >= effects.limit[kind] {
-            if word != state.repeated && !vectors.take(word, event, out, &mut events) {
-                break;
-            }
-        } else {
-            event ^= (event ^ u64::from(word).wrapping_mul(effects.spread[kind])) & effects.taken[kind];
-            *slot = unpack(event);
-            events += effects.adds[kind];
-        }
-        rest = tail;
+    let mut done = Done::default();
+    loop {
+        let rest = words.get(done.words..).unwrap_or_default();
+        let spare = out.get_mut(done.events..).unwrap_or_default();
+        let scalars = scalars(rest, &limits, &mut event, spare);
+        let rest = rest.get(scalars.words..).unwrap_or_default();
+        let spare = spare.get_mut(scalars.events..).unwrap_or_default();
+        done = done + scalars;
+        done = done
+            + match rest {
+                [bytes, ..] if u16::from_le_bytes(*bytes) == state.repeated => Done { words: 1, events: 0 },
+                _ => match vectors.take(rest, event, spare) {
+                    Some(taken) => taken,
+                    None => break,
+                },
+            };
     }
     state.time = event as u32;
     state.row = y_of(event);
     state.base = vectors.base.map(|base| (x_of(base), polarity_of(base)));
-    Done { words: words.len() - rest.len(), events }
+    done
+}
+
+/// Takes words up to the first that a branch is for, or as far as `out` has room.
+#[inline]
+fn scalars(words: &[[u8; 2]], limits: &[u32; CLASSES], event: &mut u64, out: &mut [Event]) -> Done {
+    let mut next = *event;
+    let mut done = Done::default();
+    let mut take = |bytes: &[u8; 2]| {
+        let word = u16::from_le_bytes(*bytes);
+        let class = usize::from(word >> CLASS_SHIFT);
+        let Some(slot) = out.get_mut(done.events) else { return false };
+        if u32::from(word) >= limits[class] {
+            return false;
+        }
+        let told = u64::from(word).wrapping_mul(EFFECTS.spread[class]).wrapping_add(EFFECTS.told[class]);
+        next = next & EFFECTS.kept[class] | told;
+        *slot = unpack(next);
+        done.events += EFFECTS.adds[class];
+        done.words += 1;
+        true
+    };
+    let (fours, rest) = words.as_chunks();
+    let all = fours.iter().all(|[a, b, c, d]| take(a) && take(b) && take(c) && take(d));
+    if all {
+        rest.iter().all(take);
+    }
+    *event = next;
+    done
 }
 
 /// The base of the vectors, packed as an event's column and polarity.
@@ -118,51 +168,84 @@ struct Vectors {
 impl Vectors {
     /// Bases beyond are left to the decoder, so that the next one fits the field.
     const BASE_MAX: u16 = 0xF000;
+    /// Types of the words that make a whole vector, and of a whole vector's columns how many.
+    const WHOLE: u64 = whole([VECT_BASE_X, VECT_12, VECT_12, VECT_8]);
+    const WHOLE_COLUMNS: u64 = 12 + 12 + 8;
 
     fn new(state: &Steady) -> Self {
         let base = state.base.map(|(x, polarity)| pack(0, x, 0, polarity));
         Self { base, width: state.geometry.width.min(Self::BASE_MAX) }
     }
 
-    /// Takes a word of a vector. False, and nothing is done, when it is none, lacks a base or room, or reaches beyond
-    /// the sensor.
+    /// Takes the words of a vector at the front: all four, or one. `None`, and nothing is done, when there is none, or
+    /// it lacks a base or room, or reaches beyond the sensor.
+    #[inline(never)] // away from the registers of the words between
+    fn take(&mut self, words: &[[u8; 2]], event: u64, out: &mut [Event]) -> Option<Done> {
+        let whole = words.first_chunk().and_then(|words| self.take_whole(words, event, out));
+        whole.or_else(|| self.take_one(u16::from_le_bytes(*words.first()?), event, out))
+    }
+
     #[inline]
-    fn take(&mut self, word: u16, event: u64, out: &mut [Event], events: &mut usize) -> bool {
+    fn take_whole(&mut self, words: &[[u8; 2]; 4], event: u64, out: &mut [Event]) -> Option<Done> {
+        let words = words.iter().rev().fold(0, |all, word| all << 16 | u64::from(u16::from_le_bytes(*word)));
+        let [base, first, second, third] = [0, 16, 32, 48].map(|shift| (words >> shift) as u32);
+        let payload = u32::from(PAYLOAD);
+        let mask = first & payload | (second & payload) << 12 | third << 24;
+        let base = pack(0, base as u16 & COORDINATE, 0, Polarity::from_bit(base as u16 >> POLARITY_SHIFT));
+        let end = u32::from(x_of(base)) + u32::BITS - mask.leading_zeros();
+        if words & whole([0xF; 4]) != Self::WHOLE || end > self.width.into() {
+            return None;
+        }
+        let events = expand::<32>(mask, event & !(X | ON) | base, out.first_chunk_mut()?);
+        self.base = Some(base + (Self::WHOLE_COLUMNS << X_SHIFT));
+        Some(Done { words: 4, events })
+    }
+
+    #[inline]
+    fn take_one(&mut self, word: u16, event: u64, out: &mut [Event]) -> Option<Done> {
         let (mask, columns) = match word >> 12 {
             VECT_BASE_X => {
                 self.base = Some(pack(0, word & COORDINATE, 0, Polarity::from_bit(word >> POLARITY_SHIFT)));
-                return true;
+                return Some(Done { words: 1, events: 0 });
             }
             VECT_12 => (word & PAYLOAD, 12),
             VECT_8 => (word & 0xFF, 8),
-            _ => return false,
+            _ => return None,
         };
         let end = |base: u64| u32::from(x_of(base)) + u16::BITS - mask.leading_zeros();
-        let Some(base) = self.base.filter(|base| end(*base) <= self.width.into()) else { return false };
-        let Some(slots) = out.get_mut(*events..).and_then(|out| out.first_chunk_mut()) else { return false };
-        *events += expand(mask, event & !(X | ON) | base, slots);
+        let base = self.base.filter(|base| end(*base) <= self.width.into())?;
+        let events = expand::<WORD_EVENTS_MAX>(mask.into(), event & !(X | ON) | base, out.first_chunk_mut()?);
         self.base = Some(base + (columns << X_SHIFT));
-        true
+        Some(Done { words: 1, events })
     }
 }
 
-/// Writes `first` moved by `i` columns for each bit `i` of `mask`, and returns how many. Two are written in any case:
+/// Words of these types and no payload, the first in the lowest bits.
+const fn whole(kinds: [u16; 4]) -> u64 {
+    let [a, b, c, d] = kinds;
+    (a as u64) << 12 | (b as u64) << 28 | (c as u64) << 44 | (d as u64) << 60
+}
+
+/// Writes `first` moved by `i` columns for each bit `i` of `mask`, and returns how many. Four are written in any case:
 /// more are rare, and to ask for fewer costs more than to write them.
 #[inline]
-fn expand(mask: u16, first: u64, slots: &mut [Event; WORD_EVENTS_MAX]) -> usize {
-    let at = |mask: u32| unpack(first + (u64::from(mask.trailing_zeros() & 15) << X_SHIFT));
-    let mask = u32::from(mask);
-    let second = mask & mask.wrapping_sub(1);
-    let mut third = second & second.wrapping_sub(1);
-    slots[0] = at(mask);
-    slots[1] = at(second);
-    let mut n = usize::from(mask != 0) + usize::from(second != 0);
-    while third != 0
-        && let Some(slot) = slots.get_mut(n)
-    {
-        *slot = at(third);
-        third &= third - 1;
+fn expand<const N: usize>(mask: u32, first: u64, slots: &mut [Event; N]) -> usize {
+    let at = |mask: u32| unpack(first.wrapping_add(u64::from(mask.trailing_zeros()) << X_SHIFT));
+    let next = |mask: u32| mask & mask.wrapping_sub(1);
+    let mut left = mask;
+    let mut n = 0;
+    for slot in slots.iter_mut().take(4) {
+        *slot = at(left);
+        n += usize::from(left != 0);
+        left = next(left);
+    }
+    for slot in slots.iter_mut().skip(4) {
+        if left == 0 {
+            break;
+        }
+        *slot = at(left);
         n += 1;
+        left = next(left);
     }
     n
 }
