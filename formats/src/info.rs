@@ -1,6 +1,6 @@
 //! What `lobula info` tells of a recording, after one pass over it.
 
-use crate::{Digest, Error, Recording};
+use crate::{Digest, Error, Recording, Stream, StreamKind};
 use lobula_core::{Counters, Event, Fault, Span};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -33,6 +33,14 @@ pub struct Summary {
     pub steps_back: u64,
     /// External triggers.
     pub triggers: u64,
+    /// Samples of the inertial sensor.
+    pub imu: u64,
+    /// Frames.
+    pub frames: u64,
+    /// Every stream of the file, also those we do not read.
+    pub streams: Vec<Stream>,
+    /// Sentences about what is odd in the file and was no error.
+    pub warnings: Vec<String>,
     /// Events whose pixel is not on the sensor: dropped.
     pub off_sensor: u64,
     /// Bytes of well-formed words.
@@ -70,6 +78,7 @@ impl Summary {
             }
         }
         summary.count(&blocks.counters());
+        summary.count_side_items(recording)?;
         summary.sha256 = digest.map(Digest::finish);
         Ok(summary)
     }
@@ -82,6 +91,8 @@ impl Summary {
             bytes: recording.bytes(),
             width: geometry.map(|geometry| geometry.width),
             height: geometry.map(|geometry| geometry.height),
+            streams: recording.streams(),
+            warnings: recording.warnings(),
             ..Self::default()
         }
     }
@@ -96,6 +107,19 @@ impl Summary {
         self.steps_back += u64::from(self.t_last_us.is_some_and(|last| span.time(*first) < last));
         self.t_first_us = self.t_first_us.or(Some(span.time(*first)));
         self.t_last_us = Some(span.time(*last));
+    }
+
+    /// Streams that the file does not have are not looked for.
+    fn count_side_items(&mut self, recording: &Recording) -> Result<(), Error> {
+        let has = |kind| self.streams.iter().any(|stream| stream.kind == kind);
+        let (imu, frames) = (has(StreamKind::Imu), has(StreamKind::Frames));
+        if imu {
+            self.imu = recording.imu().try_fold(0, |n, sample| sample.map(|_| n + 1))?;
+        }
+        if frames {
+            self.frames = recording.frames().try_fold(0, |n, frame| frame.map(|_| n + 1))?;
+        }
+        Ok(())
     }
 
     fn count(&mut self, counters: &Counters) {

@@ -16,6 +16,7 @@
 //! file says or how long it is.
 
 mod byte_cursor;
+mod check;
 mod container;
 mod copy;
 mod digest;
@@ -34,6 +35,7 @@ mod recording;
 mod stream;
 mod write;
 
+pub use check::Check;
 pub use copy::{Copied, CopyOptions, CopyPart, copy};
 pub use digest::Digest;
 pub use error::{Error, ErrorKind};

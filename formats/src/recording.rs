@@ -51,6 +51,11 @@ impl Recording {
         self.container.geometry()
     }
 
+    /// Size that blocks carry: the sensor's, else the largest that the format can tell.
+    pub fn block_geometry(&self) -> Geometry {
+        self.container.geometry_of_blocks()
+    }
+
     /// The sensor's size, for what cannot do without it.
     ///
     /// # Errors

@@ -20,6 +20,19 @@ pub enum StreamKind {
     Other,
 }
 
+impl StreamKind {
+    /// Its name in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Events => "events",
+            Self::Triggers => "triggers",
+            Self::Imu => "IMU",
+            Self::Frames => "frames",
+            Self::Other => "not read",
+        }
+    }
+}
+
 /// A stream of a recording, as its header or index tells it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]

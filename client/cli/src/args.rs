@@ -1,7 +1,11 @@
 //! The command line: every subcommand and option.
 
+use crate::convert::{self, Numbers, Region, Time};
+use crate::input::{self, InputArgs};
 use clap::{Parser, Subcommand};
-use lobula_core::Geometry;
+use lobula_core::Polarity;
+use lobula_core::wire::Encoding;
+use lobula_formats::{Compression, Rebase};
 use std::path::PathBuf;
 
 /// Event cameras on robots: recordings, the daemon and its clients.
@@ -18,6 +22,12 @@ pub struct Args {
 pub enum Command {
     /// Tells what is in a recording
     Info(InfoArgs),
+    /// Writes a recording in another format
+    Convert(ConvertArgs),
+    /// Writes a part of a recording
+    Slice(SliceArgs),
+    /// Tells whether a recording is whole and in order, and what of it can be read
+    Check(CheckArgs),
     /// Proves the main job on screen, with a synthetic camera and processes of its own
     Demo(DemoArgs),
     /// Runs the daemon here, in the foreground
@@ -47,9 +57,81 @@ pub struct InfoArgs {
     /// Also the SHA-256 over all events: each as little-endian u64 t (µs), u16 x, u16 y, u8 p
     #[arg(long)]
     pub digest: bool,
-    /// Columns and rows of the sensor, where the file does not tell
-    #[arg(long, value_name = "WxH", value_parser = geometry)]
-    pub sensor_size: Option<Geometry>,
+    /// What the file does not tell
+    #[command(flatten)]
+    pub input: InputArgs,
+}
+
+/// Options of `check`.
+#[derive(Debug, clap::Args)]
+pub struct CheckArgs {
+    /// The recording
+    pub file: PathBuf,
+    /// One line of JSON
+    #[arg(long)]
+    pub json: bool,
+    /// What the file does not tell
+    #[command(flatten)]
+    pub input: InputArgs,
+}
+
+/// Options of `convert`.
+#[derive(Debug, clap::Args)]
+pub struct ConvertArgs {
+    /// The recording
+    pub file: PathBuf,
+    /// The file to write; the end of its name says the format
+    pub output: PathBuf,
+    /// Only from this time on: µs, or a number with s, ms or us; +1s counts from the first event
+    #[arg(long, value_name = "TIME", value_parser = convert::time)]
+    pub t_start: Option<Time>,
+    /// Only before this time
+    #[arg(long, value_name = "TIME", value_parser = convert::time)]
+    pub t_stop: Option<Time>,
+    /// Only events of this polarity
+    #[arg(long, value_name = "on|off", value_parser = convert::polarity)]
+    pub polarity: Option<Polarity>,
+    /// Only events of this part of the sensor, which keeps its size
+    #[arg(long, value_name = "X,Y,WxH", value_parser = convert::region)]
+    pub roi: Option<Region>,
+    /// Format to write, in place of what the end of the name says
+    #[arg(long, value_name = "NAME")]
+    pub format: Option<String>,
+    /// How to encode events, in a camera's format: evt2, evt21, evt21-legacy or evt3
+    #[arg(long, value_name = "NAME", value_parser = input::encoding)]
+    pub output_encoding: Option<Encoding>,
+    /// How to compress, where the format can: none, lz4, lz4-high, zstd, zstd-high, gzip or bz2
+    #[arg(long, value_name = "NAME")]
+    pub compression: Option<Compression>,
+    /// Which layout, where the format has several: lobula or dsec
+    #[arg(long, value_name = "NAME")]
+    pub layout: Option<String>,
+    /// Subtract this from every time; without a number the time of the first item
+    #[arg(long, value_name = "MICROSECONDS", value_parser = convert::rebase, num_args = 0..=1, default_missing_value = "first")]
+    pub rebase: Option<Rebase>,
+    /// Replace the file that is there
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Keep what comes before a place that cannot be read
+    #[arg(long)]
+    pub recover: bool,
+    /// One line of JSON
+    #[arg(long)]
+    pub json: bool,
+    /// What the file does not tell
+    #[command(flatten)]
+    pub input: InputArgs,
+}
+
+/// Options of `slice`.
+#[derive(Debug, clap::Args)]
+pub struct SliceArgs {
+    /// Only events of these numbers, counted from 0 in file order, the end not included
+    #[arg(long, value_name = "FIRST..END", value_parser = convert::numbers, conflicts_with_all = ["t_start", "t_stop"])]
+    pub events: Option<Numbers>,
+    /// The rest
+    #[command(flatten)]
+    pub convert: ConvertArgs,
 }
 
 /// Options of `demo`.
@@ -177,14 +259,6 @@ pub struct FloorArgs {
     pub events: usize,
 }
 
-fn geometry(text: &str) -> Result<Geometry, String> {
-    let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-    match sides {
-        Some((width, height)) if width > 0 && height > 0 => Ok(Geometry::new(width, height)),
-        _ => Err("give columns and rows, such as 1280x720".into()),
-    }
-}
-
 fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if (0.01..=86_400.0).contains(&seconds) => Ok(seconds),
@@ -218,14 +292,6 @@ mod tests {
         assert_eq!(rate("1000000"), Ok(Rate(1_000_000)));
         for bad in ["0", "31", "-1", "nan", "fast", "9999", "40000000"] {
             assert!(rate(bad).is_err(), "{bad}");
-        }
-    }
-
-    #[test]
-    fn sizes_are_two_numbers() {
-        assert_eq!(geometry("640x480"), Ok(Geometry::new(640, 480)));
-        for bad in ["640", "0x1", "640x480x1", "-1x2", "70000x1"] {
-            assert!(geometry(bad).is_err(), "{bad}");
         }
     }
 }

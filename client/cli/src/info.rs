@@ -3,13 +3,11 @@
 use crate::Failure;
 use crate::args::InfoArgs;
 use crate::output::{json, line, thousands};
-use lobula_formats::{OpenOptions, Summary, WithDigest, open_with};
+use lobula_formats::{Summary, WithDigest};
 
 /// Reads the whole file and tells; every failure is of the input.
 pub fn run(args: &InfoArgs) -> Result<(), Failure> {
-    let mut options = OpenOptions::default();
-    options.sensor_size = args.sensor_size;
-    let recording = open_with(&args.file, &options)?;
+    let recording = args.input.open(&args.file)?;
     let with_digest = if args.digest { WithDigest::Yes } else { WithDigest::No };
     let summary = Summary::of(&recording, with_digest)?;
     if args.json {
@@ -48,10 +46,15 @@ fn lines(summary: &Summary) -> Vec<(&'static str, String)> {
         lines.push(("rate", format!("{mevs:.3} Mev/s")));
     }
     lines.push(("triggers", thousands(summary.triggers)));
+    let others = [("IMU samples", summary.imu), ("frames", summary.frames)];
+    lines.extend(others.into_iter().filter(|(_, n)| *n > 0).map(|(name, n)| (name, thousands(n))));
+    let streams = summary.streams.iter().filter(|stream| !stream.name.is_empty());
+    lines.extend(streams.map(|stream| ("stream", format!("{} ({})", stream.name, stream.kind.name()))));
     lines.push(("off sensor", thousands(summary.off_sensor)));
     let faults: Vec<_> =
         summary.faults.iter().filter(|(_, n)| **n > 0).map(|(kind, n)| format!("{n} {kind}")).collect();
     lines.push(("faults", if faults.is_empty() { "none".into() } else { faults.join(", ") }));
+    lines.extend(summary.warnings.iter().map(|warning| ("warning", warning.clone())));
     lines.extend(summary.sha256.clone().map(|sha256| ("sha256", sha256)));
     lines
 }

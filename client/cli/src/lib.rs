@@ -4,7 +4,7 @@
 //! module and one line in [`args`].
 //!
 //! ```text
-//!  args ─▶ info                          a file                  (lobula-formats)
+//!  args ─▶ info, convert, slice, check   files                   (lobula-formats)
 //!       ─▶ status, top, echo             a daemon                (lobula-client)
 //!       ─▶ serve                         the daemon, in process  (lobulad)
 //!       ─▶ demo ─▶ children: serve, demo-reader, demo-floor      the main job, proved on screen
@@ -12,9 +12,13 @@
 
 pub mod args;
 mod failure;
+pub mod input;
 mod output;
 
+mod check;
+pub mod convert;
 mod info;
+mod progress;
 
 mod echo;
 mod status;
@@ -66,6 +70,9 @@ fn connect(root: Option<&std::path::Path>, name: &str) -> Result<Client, Failure
 fn run(command: Command) -> Result<ExitCode, Failure> {
     match command {
         Command::Info(args) => info::run(&args),
+        Command::Convert(args) => convert::run(&args),
+        Command::Slice(args) => convert::slice(&args),
+        Command::Check(args) => return check::run(&args),
         Command::Status(args) => status::run(&args),
         Command::Top(args) => top::run(&args),
         Command::Echo(args) => echo::run(&args),

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)] // helpers of tests may too
 
 mod clients;
+mod convert;
 mod demo;
 mod info;
 mod tool;
