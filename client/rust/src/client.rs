@@ -1,7 +1,7 @@
 //! A client of the daemon.
 
 use crate::connection::{Connection, unexpected};
-use crate::control::{Hello, Reply, Request, Status, Subscribed};
+use crate::control::{Hello, Reply, Request, SourceState, Status, Subscribed};
 use crate::transport::{self, Gated};
 use crate::{Error, EventSubscriber, Root, Stream, ViewSubscriber};
 use core::cell::{Cell, RefCell};
@@ -170,6 +170,18 @@ impl Client {
         match self.link.ask(&Request::Status {})? {
             Reply::Status(status) => Ok(*status),
             other => Err(unexpected(&other)),
+        }
+    }
+
+    /// State of the camera.
+    ///
+    /// # Errors
+    /// [`Error::NoDevice`], with the reason: the daemon runs, but its camera is not there. [`Error::NoDaemon`].
+    pub fn device(&self) -> Result<SourceState, Error> {
+        let status = self.status()?;
+        match status.state {
+            SourceState::NoDevice => Err(Error::NoDevice { reason: status.degraded.join("; ") }),
+            state => Ok(state),
         }
     }
 
