@@ -24,13 +24,12 @@ pub struct EventOutlet {
 }
 
 impl EventOutlet {
-    /// Opens the camera's stream of events. Its memory is taken at once: events are never lost for want of it.
+    /// Opens the camera's stream of events.
     pub fn create(root: &Root, shared: &Shared) -> Result<Self, Error> {
         let node = transport::node(root, "lobulad-events")?;
         let stream = events_stream(shared.lossless);
         let patience = shared.lossless.then(|| shared.patience.clone());
         let outlet = Outlet::create(&node, root, &stream, &shared.camera, PACKET_EVENTS_MAX, patience)?;
-        outlet.reserve(root)?;
         Ok(Self { outlet, _node: node })
     }
 

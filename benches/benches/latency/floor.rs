@@ -26,7 +26,6 @@ pub fn sender(args: &[String]) -> Outcome<()> {
     let node = transport::node(&root, "latency-floor")?;
     let stream = Stream::events();
     let outlet = Outlet::create(&node, &root, &stream, CAMERA, PACKET_EVENTS_MAX, None)?;
-    outlet.reserve(&root)?;
     let events = vec![ShmEvent::default(); events];
     clock::wake_punctually();
     let start_ns = now_ns();

@@ -136,7 +136,7 @@ impl Client {
     ///
     /// # Errors
     /// [`Error::NoDaemon`], [`Error::NoStream`] (a lossless replay is asked for and none is configured, or the other
-    /// way round), [`Error::Permission`].
+    /// way round), [`Error::Permission`], [`Error::NoSpace`].
     pub fn events(&self, options: SubscribeOptions) -> Result<EventSubscriber, Error> {
         EventSubscriber::open(self.link.clone(), stream(Stream::events(), options), options.wake)
     }

@@ -3,8 +3,8 @@
 
 use crate::client::{Link, Wake};
 use crate::control::TensorInfo;
-use crate::transport::{Gated, open_services};
-use crate::{Error, Qos, Stream};
+use crate::transport::{Gated, free_bytes, open_services};
+use crate::{Error, Qos, Root, Stream};
 use core::fmt::Debug;
 use core::time::Duration;
 use iceoryx2::node::Node;
@@ -18,8 +18,13 @@ use std::time::Instant;
 
 /// Longest sleep before the daemon is looked for again.
 const NAP: Duration = Duration::from_millis(50);
+/// Looks for a packet of one that polls before the clock and the daemon are looked at.
+const POLLS: u32 = 64;
 /// How long a service may be in the making, or in its removal.
 const SETTLE_WITHIN: Duration = Duration::from_secs(2);
+
+/// Room for the files of a node, a port and its connection: some ten of a few KB.
+const PORT_BYTES: u64 = 256 << 10;
 
 #[derive(Debug)]
 pub(crate) struct Feed<T, H>
@@ -71,9 +76,10 @@ where
         if let Some(sample) = self.take()? {
             return Ok(Some(sample));
         }
-        // A look costs a system call, and a loop that polls comes here millions of times a second.
+        // A look costs a system call now and then, and reading the clock as much as looking for a packet: a loop that
+        // polls comes here millions of times a second.
         self.misses = self.misses.wrapping_add(1);
-        if self.wake == Wake::Sleep || self.misses.is_multiple_of(64) {
+        if self.wake == Wake::Sleep || self.misses.is_multiple_of(POLLS) {
             self.link.look();
         }
         if self.link.is_up() && self.link.epoch() != self.epoch {
@@ -89,6 +95,10 @@ where
         loop {
             if let Some(sample) = self.try_recv()? {
                 return Ok(sample);
+            }
+            if self.wake == Wake::Poll && !self.misses.is_multiple_of(POLLS) {
+                core::hint::spin_loop();
+                continue;
             }
             let left = timeout.saturating_sub(start.elapsed());
             if left.is_zero() {
@@ -132,6 +142,7 @@ where
 
     fn attach(&mut self) -> Result<(), Error> {
         let subscribed = self.link.subscribe(&self.stream)?;
+        check_room(self.link.root())?;
         let node = self.link.node()?;
         let same_node = self.port.as_ref().is_some_and(|port| Rc::ptr_eq(&port.node, &node));
         if !same_node {
@@ -175,4 +186,10 @@ where
             .map_err(|error| Error::transport(&format!("subscription to {}", self.stream), error))?;
         Ok(Port { node: node.clone(), subscriber, listener })
     }
+}
+
+/// A port is a few small files, which iceoryx2 does not take room for before it writes to them.
+fn check_room(root: &Root) -> Result<(), Error> {
+    let (need, free) = (PORT_BYTES, free_bytes(root)?);
+    if free < need { Err(Error::NoSpace { root: root.clone(), need, free }) } else { Ok(()) }
 }

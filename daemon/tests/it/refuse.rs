@@ -1,9 +1,12 @@
 //! What cannot be served is refused in one sentence, before anything is left behind.
 
-use crate::stage::Stage;
-use lobula_client::{Client, Error};
+use crate::stage::{Stage, recording};
+use lobula_client::{Client, ClientOptions, Error, SubscribeOptions};
 use lobulad::{Daemon, StartError};
+use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::time::Duration;
 
 fn lobulad(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_lobulad")).args(arguments).output().unwrap()
@@ -68,16 +71,85 @@ fn a_small_shm_is_one_sentence_and_never_a_sigbus() {
     let camera = "[camera]\nsource = { kind = \"synthetic\", rate_evs = 10000 }\n";
     let view = "[[view]]\nname = \"v\"\nkind = \"voxel_grid\"\nperiod_us = 10000\n";
     std::fs::write(&config, format!("{camera}{view}")).unwrap();
-    let mounted = Command::new("unshare")
-        .args(["--mount", "sh", "-c", "mount -t tmpfs -o size=16m,mode=700 none \"$0\" && exec \"$@\""])
-        .arg(&shm)
-        .arg(env!("CARGO_BIN_EXE_lobulad"))
-        .args(["--root", shm.join("r").to_str().unwrap(), "--config", config.to_str().unwrap()])
-        .output();
-    let Ok(output) = mounted else { return eprintln!("skipped: there is no unshare") };
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lobulad"));
+    command.arg("--root").arg(shm.join("r")).arg("--config").arg(&config);
+    let Some(output) = in_small_shm(&shm, "16m", &command) else { return };
+    one_sentence(&output, 1, &["MiB free", "needed", "enlarge"]);
+}
+
+/// Runs a command where `shm` is a file system of its own, of this size. None: nothing may be mounted here.
+fn in_small_shm(shm: &Path, size: &str, command: &Command) -> Option<Output> {
+    let mount = format!("mount -t tmpfs -o size={size},mode=700 none \"$0\" && exec \"$@\"");
+    let mut unshare = Command::new("unshare");
+    unshare
+        .args(["--mount", "sh", "-c", &mount])
+        .arg(shm)
+        .arg(command.get_program())
+        .args(command.get_args());
+    for (name, value) in command.get_envs() {
+        unshare.env(name, value.unwrap());
+    }
+    let Ok(output) = unshare.output() else {
+        eprintln!("skipped: there is no unshare");
+        return None;
+    };
     let text = String::from_utf8_lossy(&output.stderr);
     if text.contains("unshare:") || text.contains("mount:") {
-        return eprintln!("skipped: no file system may be mounted here ({})", text.trim());
+        eprintln!("skipped: no file system may be mounted here ({})", text.trim());
+        return None;
     }
-    one_sentence(&output, 1, &["MiB free", "needed", "enlarge"]);
+    Some(output)
+}
+
+#[test]
+fn a_shm_that_fills_up_later_costs_no_view() {
+    let stage = Stage::new();
+    let shm = stage.path("shm");
+    std::fs::create_dir(&shm).unwrap();
+    recording(&stage.path("scene.raw"), 100_000);
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["--exact", "refuse::in_a_shm_that_fills_up", "--nocapture"]).env("LOBULA_TEST_SHM", &shm);
+    let Some(output) = in_small_shm(&shm, "32m", &command) else { return };
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && text.contains("all windows came"), "{:?} {text}", output.status);
+}
+
+/// Not a test but a part of the one above, in a process that alone sees the small file system.
+#[test]
+fn in_a_shm_that_fills_up() {
+    let Some(shm) = std::env::var_os("LOBULA_TEST_SHM").map(PathBuf::from) else { return };
+    let recording = shm.with_file_name("scene.raw");
+    let source = format!("[camera]\nsource = {{ kind = \"file\", path = {recording:?}, lossless = true }}\n");
+    let view = "[[view]]\nname = \"v\"\nkind = \"time_surface\"\nperiod_us = 5000\n";
+    let mut config = lobulad::config::parse(&(source + view)).unwrap();
+    config.instance.root = Some(shm.join("r"));
+    let daemon = Daemon::start(&config).unwrap();
+    let options = ClientOptions::default().root(daemon.root().clone()).name("test");
+    let client = Client::connect(options.clone()).unwrap();
+    let mut events = client.events(SubscribeOptions::default().lossless()).unwrap();
+    let mut view = client.view("v", SubscribeOptions::default().lossless()).unwrap();
+
+    let mut filler = std::fs::File::create(shm.join("filler")).unwrap();
+    while filler.write(&[1; 4096]).is_ok_and(|n| n > 0) {}
+    let late = Client::connect(options).unwrap().events(SubscribeOptions::default().lossless());
+    assert!(matches!(late, Err(Error::NoSpace { .. })), "{late:?}");
+
+    client.play(1).unwrap();
+    let (mut windows, mut held) = (0, Vec::new());
+    loop {
+        while events.try_recv().unwrap().is_some() {}
+        let Ok(tensor) = view.recv(Duration::from_millis(1)) else { continue };
+        assert_eq!(tensor.header().sequence, windows);
+        windows += 1;
+        if tensor.is_end() {
+            break;
+        }
+        // What is held makes the daemon go through its memory.
+        held.push(tensor);
+        held.drain(..held.len() - 1);
+    }
+    assert!(windows >= 20, "{windows}");
+    println!("all windows came");
+    daemon.stop();
+    daemon.join();
 }

@@ -68,7 +68,6 @@ fn publish(root: &Root, packets: u64, events: usize) -> Result<(), Failure> {
     let node = transport::node(root, "lobula-floor")?;
     let outlet =
         Outlet::<ShmEvent, PacketHeader>::create(&node, root, &Stream::events(), CAMERA, events, None)?;
-    outlet.reserve(root)?;
     let template = vec![ShmEvent::default(); events];
     let start = Instant::now() + PACKET;
     let start_ns = now_ns() + PACKET.as_nanos() as u64;

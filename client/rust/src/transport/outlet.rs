@@ -66,7 +66,8 @@ where
     T: Debug + ZeroCopySend + bytemuck::Pod,
     H: Debug + Default + ZeroCopySend + bytemuck::Pod,
 {
-    /// Opens the stream for packets of at most `len_max` elements. A lossless stream needs `patience`.
+    /// Opens the stream for packets of at most `len_max` elements, and takes all of its memory, so that no write to it
+    /// can fail later, whatever else fills the file system. A lossless stream needs `patience`.
     pub fn create(
         node: &Node<Gated>,
         root: &Root,
@@ -98,12 +99,8 @@ where
             .notifier_builder()
             .create()
             .map_err(|error| Error::transport(&format!("wake-up of {stream}"), error))?;
+        reserve(root, publisher.id().value())?;
         Ok(Self { publisher, notifier, service })
-    }
-
-    /// Takes all of its memory now, so that no write to it can fail later.
-    pub fn reserve(&self, root: &Root) -> Result<(), Error> {
-        reserve(root, self.publisher.id().value())
     }
 
     /// Memory for a packet of `len` elements; its bytes are whatever was there. None: all is in use.
