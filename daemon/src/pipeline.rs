@@ -8,7 +8,7 @@ use crate::source::Restart;
 use lobula_client::{ByteLedger, EventLedger, Flags, PACKET_EVENTS_MAX, PacketHeader, Stamps};
 use lobula_core::chain::Chain;
 use lobula_core::wire::{AnyDecoder, Encoding};
-use lobula_core::{Block, Counters, Decode, Event, Filter, Geometry, Sink, Span, full_time};
+use lobula_core::{Block, Counters, Decode, Event, Filter, Geometry, Sink, full_time};
 
 /// Events decoded and filtered in one go: they stay in the first-level cache.
 const BLOCK_EVENTS: usize = 4096;
@@ -55,7 +55,6 @@ pub struct Pipeline {
     identity: Identity,
     decoder: AnyDecoder,
     chain: Chain,
-    block: Box<[Event]>,
     staging: Staging,
     /// Added to sensor time, in µs, where a recording is looped.
     shift_us: u64,
@@ -79,7 +78,6 @@ impl Pipeline {
             identity,
             decoder: AnyDecoder::new(encoding, chain.geometry()),
             chain,
-            block: vec![Event::default(); BLOCK_EVENTS].into(),
             staging: Staging::new(identity.packet_us),
             shift_us: 0,
             stamps: Stamps::default(),
@@ -112,35 +110,37 @@ impl Pipeline {
         }
     }
 
-    /// Decodes, filters and stages one block; returns the bytes taken.
+    /// Decodes, filters and stages one block, right behind the events of the open packet; returns the bytes taken.
     fn decode(&mut self, bytes: &[u8], outlet: &mut impl Outlet) -> usize {
-        let mut memory = core::mem::take(&mut self.block);
-        let mut sink = Sink::new(&mut memory);
+        let mut sink = Sink::new(self.staging.spare());
         let taken = self.decoder.decode(bytes, &mut sink);
         self.bytes_given += taken as u64;
+        if sink.is_empty() {
+            return taken; // no event, no time
+        }
         let mut block = sink.block(self.chain.geometry());
         shift(&mut block, self.shift_us);
         let fits = self.chain.retain(&mut block);
         debug_assert!(fits.is_ok(), "decoder and chain were made for one sensor");
         self.stamps.decoded_ns = clock::now_ns();
-        self.stage(block.span(), outlet);
-        self.block = memory;
+        let found = Found { t_first: block.t_first, t_last: block.t_last, len: block.len() };
+        self.stage(found, outlet);
         taken
     }
 
-    /// Adds events to the open packet, and hands it out each time it is full.
-    fn stage(&mut self, span: Span<'_>, outlet: &mut impl Outlet) {
-        if span.t_first.saturating_add(CLOCK_STEP_US) < self.staging.t_last {
+    /// Adds a block's events to the open packet, and hands it out each time it is full.
+    fn stage(&mut self, found: Found, outlet: &mut impl Outlet) {
+        let step = found.t_first.saturating_add(CLOCK_STEP_US) < self.staging.t_last;
+        self.staging.found = found;
+        if step {
             self.flush(outlet);
             self.flags_once |= Flags::CLOCK_STEP;
         }
-        let mut rest = span.events;
-        while !rest.is_empty() {
-            let (taken, late) = self.staging.take(span.with_events(rest));
+        while self.staging.found.len > 0 {
+            let (taken, late) = self.staging.take();
             self.staged += taken as u64;
-            self.late += late;
-            rest = rest.get(taken..).unwrap_or_default();
-            if !rest.is_empty() {
+            self.late += late as u64;
+            if self.staging.found.len > 0 {
                 self.flush(outlet);
             }
         }
@@ -192,7 +192,9 @@ impl Pipeline {
             late: self.late,
             ..PacketHeader::default()
         };
-        if outlet.packet(header, self.staging.events.get(..count as usize).unwrap_or_default()) {
+        let sent = outlet.packet(header, self.staging.events.get(..count as usize).unwrap_or_default());
+        self.staging.close(count as usize);
+        if sent {
             self.sequence += 1;
             self.flags_once = Flags::default();
         } else {
@@ -272,10 +274,13 @@ fn shift(block: &mut Block<'_>, us: u64) {
     }
 }
 
-/// The open packet. It ends on a grid of stream time, so that packets do not depend on how bytes came.
+/// The open packet, and behind it the block that was decoded last: its events are where they belong already, unless the
+/// packet ends within it. A packet ends on a grid of stream time, so that packets do not depend on how bytes came.
 struct Staging {
+    /// `[..len]`: the packet; `[len..len + found.len]`: the block.
     events: Box<[Event]>,
     len: usize,
+    found: Found,
     packet_us: u32,
     t_first: u64,
     t_last: u64,
@@ -283,35 +288,52 @@ struct Staging {
     t_end: u64,
 }
 
+/// Events of a block that are not in a packet yet.
+#[derive(Clone, Copy, Debug, Default)]
+struct Found {
+    /// As those of [`Block`].
+    t_first: u64,
+    t_last: u64,
+    /// How many.
+    len: usize,
+}
+
 impl Staging {
     fn new(packet_us: u32) -> Self {
-        let events = vec![Event::default(); PACKET_EVENTS_MAX].into();
-        Self { events, len: 0, packet_us: packet_us.max(1), t_first: 0, t_last: 0, t_end: 0 }
+        let events = vec![Event::default(); PACKET_EVENTS_MAX + BLOCK_EVENTS].into();
+        let (len, found) = (0, Found::default());
+        Self { events, len, found, packet_us: packet_us.max(1), t_first: 0, t_last: 0, t_end: 0 }
     }
 
-    /// Takes the events, from the first on, that belong to the open packet and fit: how many, and how many of them are
-    /// older than its stretch of time. None: it is full, or they are of a later one.
-    fn take(&mut self, span: Span<'_>) -> (usize, u64) {
-        let Some(&first) = span.events.first() else { return (0, 0) };
+    /// Memory for the next block, once the one before is in packets.
+    fn spare(&mut self) -> &mut [Event] {
+        self.events.get_mut(self.len..self.len + BLOCK_EVENTS).unwrap_or_default()
+    }
+
+    /// Takes the events of the block, from the first on, that belong to the open packet and fit: how many, and how many
+    /// of them are older than its stretch of time. None: it is full, or they are of a later one.
+    fn take(&mut self) -> (usize, usize) {
+        let Found { t_first, t_last, len } = self.found;
+        let Some(&first) = self.events.get(self.len) else { return (0, 0) };
         if self.len == 0 {
-            self.open(span.time(first));
+            self.open(full_time(t_first, first.t()));
         }
-        let fit = span.events.get(..PACKET_EVENTS_MAX - self.len).unwrap_or(span.events);
-        let end = self.t_end;
+        let fit = len.min(PACKET_EVENTS_MAX - self.len);
+        let fit = self.events.get(self.len..self.len + fit).unwrap_or_default();
         // Where the block as a whole ends before the packet does, a step back of a few µs across that is not looked for.
-        let later = |event: &Event| span.time(*event) >= end;
-        let own = match (span.t_last >= end).then(|| fit.iter().position(later)).flatten() {
+        let later = |event: &Event| full_time(t_first, event.t()) >= self.t_end;
+        let own = match (t_last >= self.t_end).then(|| fit.iter().position(later)).flatten() {
             Some(n) => fit.get(..n).unwrap_or_default(),
             None => fit,
         };
-        if let (Some(last), Some(to)) = (own.last(), self.events.get_mut(self.len..self.len + own.len())) {
-            to.copy_from_slice(own);
-            self.len += own.len();
-            self.t_last = self.t_last.max(span.time(*last));
+        let late = count_before(own, t_first, self.t_end.saturating_sub(u64::from(self.packet_us)));
+        if let Some(last) = own.last() {
+            self.t_last = self.t_last.max(full_time(t_first, last.t()));
         }
-        let start = self.t_end.saturating_sub(u64::from(self.packet_us));
-        let late = own.iter().filter(|event| full_time(span.t_first, event.t()) < start).count();
-        (own.len(), late as u64)
+        let taken = own.len();
+        self.len += taken;
+        self.found.len -= taken;
+        (taken, late)
     }
 
     fn open(&mut self, t: u64) {
@@ -320,15 +342,33 @@ impl Staging {
         self.t_last = t;
         self.t_end = (t - t % packet_us).saturating_add(packet_us);
     }
+
+    /// The packet, of `len` events, has gone: what is left of the block moves to its place.
+    fn close(&mut self, len: usize) {
+        self.len = 0;
+        if len > 0 && self.found.len > 0 {
+            self.events.copy_within(len..len + self.found.len, 0);
+        }
+    }
+}
+
+/// How many of the events, whose times are near `anchor`, are of before `t`. In 32 bits, several at a time: this is done
+/// to every event.
+fn count_before(events: &[Event], anchor: u64, t: u64) -> usize {
+    let Ok(reach) = i32::try_from(i128::from(t) - i128::from(anchor)) else {
+        return if t < anchor { 0 } else { events.len() };
+    };
+    let is_before = |event: &Event| u32::from((event.t().wrapping_sub(anchor as u32) as i32) < reach);
+    events.iter().map(is_before).sum::<u32>() as usize
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lobula_core::Encode;
     use lobula_core::chain::Spec;
     use lobula_core::simulation::{Camera, Scene, SceneSpec};
     use lobula_core::wire::evt3;
+    use lobula_core::{Encode, Span};
 
     const GEOMETRY: Geometry = Geometry::new(96, 64);
 
@@ -445,19 +485,66 @@ mod tests {
         assert!(kept.packets.iter().any(|(header, _)| header.flags().contains(Flags::GAP | Flags::OVERLOAD)));
     }
 
-    #[test]
-    fn a_recording_that_starts_over_goes_on_in_time() {
+    /// The bytes of an event at each 100 µs from `t_first` on.
+    fn bytes_of(t_first: u32, count: u32) -> Vec<u8> {
         let events: Vec<_> =
-            (0..100).map(|i| Event::new(5_000_000 + i * 100, 3, 4, lobula_core::Polarity::On)).collect();
-        let span = Span { t_first: 5_000_000, t_last: 5_009_900, geometry: GEOMETRY, events: &events };
+            (0..count).map(|i| Event::new(t_first + i * 100, 3, 4, lobula_core::Polarity::On)).collect();
+        let t_last = (t_first + (count - 1) * 100).into();
+        let span = Span { t_first: t_first.into(), t_last, geometry: GEOMETRY, events: &events };
         let mut bytes = vec![0; 4096];
         let mut encoder = evt3::Encoder::new();
         let encoded = encoder.encode(span, &mut bytes);
         let len = encoded.bytes + encoder.finish(&mut bytes[encoded.bytes..]);
+        bytes.truncate(len);
+        bytes
+    }
+
+    #[test]
+    fn bytes_without_events_are_no_step_of_the_clock() {
         let (mut kept, mut pipeline) = (Kept::default(), pipeline("[]"));
-        pipeline.feed(arrival(&bytes[..len]), &mut kept);
+        let bytes = bytes_of(1 << 23, 100);
+        // The packet before: 20 minutes later by the sensor's clock.
+        let restart = Restart { near_us: 1 << 23, shift_us: 1_200_000_000 };
+        pipeline.feed(Arrival { restart: Some(restart), ..arrival(&bytes) }, &mut kept);
+        let time_low = (0x6000u16 | ((1u32 << 23) + 9_950) as u16 & 0xfff).to_le_bytes();
+        pipeline.feed(arrival(&time_low), &mut kept);
+        pipeline.finish(&mut kept);
+        assert_eq!(kept.events().len(), 100);
+        assert!(kept.packets.iter().all(|(header, _)| !header.flags().contains(Flags::CLOCK_STEP)));
+    }
+
+    #[test]
+    fn a_clock_that_steps_back_ends_the_packet_and_says_so() {
+        let (mut kept, mut pipeline) = (Kept::default(), pipeline("[]"));
+        let bytes = bytes_of(1 << 23, 100);
+        for shift_us in [1_200_000_000, 0] {
+            let restart = Restart { near_us: 1 << 23, shift_us };
+            pipeline.feed(Arrival { restart: Some(restart), ..arrival(&bytes) }, &mut kept);
+        }
+        pipeline.finish(&mut kept);
+        assert_eq!(kept.events().len(), 200);
+        let steps = kept.packets.iter().filter(|(header, _)| header.flags().contains(Flags::CLOCK_STEP));
+        assert_eq!(steps.map(|(header, _)| header.t_first).collect::<Vec<_>>(), [1 << 23]);
+    }
+
+    #[test]
+    fn late_events_are_counted_like_full_times() {
+        let anchor = (1u64 << 33) - 5;
+        let times = [0, 3, 5, 9, u64::from(u32::MAX >> 1), 1].map(|after| anchor + after);
+        let events = times.map(|t| Event::new(t as u32, 0, 0, lobula_core::Polarity::On));
+        for t in [0, anchor - 1, anchor, anchor + 4, anchor + 5, anchor + 6, 1 << 34, u64::MAX] {
+            let expected = times.iter().filter(|time| **time < t).count();
+            assert_eq!(count_before(&events, anchor, t), expected, "before {t}");
+        }
+    }
+
+    #[test]
+    fn a_recording_that_starts_over_goes_on_in_time() {
+        let bytes = bytes_of(5_000_000, 100);
+        let (mut kept, mut pipeline) = (Kept::default(), pipeline("[]"));
+        pipeline.feed(arrival(&bytes), &mut kept);
         let restart = Restart { near_us: 5_000_000, shift_us: 20_000 };
-        pipeline.feed(Arrival { restart: Some(restart), ..arrival(&bytes[..len]) }, &mut kept);
+        pipeline.feed(Arrival { restart: Some(restart), ..arrival(&bytes) }, &mut kept);
         pipeline.finish(&mut kept);
         let times: Vec<_> = kept.events().iter().map(|event| event.0).collect();
         let turn = |shift: u64| (0..100).map(move |i| 5_000_000 + shift + i * 100);

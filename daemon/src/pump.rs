@@ -88,12 +88,12 @@ impl Pump {
             }
             self.feed(&stamped, delivery.elements());
             drop(delivery);
-            feed::freed(&deliveries, source);
             // The source pauses: what waits for more to fill its packet goes now.
             if !is_due(&mut deliveries) {
                 self.pipeline.flush(&mut self.ports);
             }
             self.report();
+            feed::freed(&deliveries, source);
         }
         self.end();
     }
