@@ -1,6 +1,7 @@
 //! How long a packet takes from its due time to a client in another process, beside iceoryx2 alone in the same run.
 //!
-//! `cargo bench -p lobula-benches --bench latency [-- --seconds N]` prints Markdown for the README. Every number is
+//! `cargo bench -p lobula-benches --bench latency [-- --seconds N --mevs N]` prints Markdown for the README; `--mevs`
+//! measures that rate alone. Every number is
 //! received - due, where due is the schedule's time and not when the sender got round to it (no coordinated omission).
 //! Each process is this program again with another role: a daemon with a synthetic camera of 1 ms packets, its client,
 //! and the two ends of the floor.
@@ -48,9 +49,7 @@ fn main() -> ExitCode {
         Some("client") => client::role(&args[1..]),
         Some("floor-sender") => floor::sender(&args[1..]),
         Some("floor-receiver") => floor::receiver(&args[1..]),
-        Some("--seconds") => number(&args, 1).and_then(run::all),
-        None => run::all(10),
-        Some(other) => Err(format!("{other} is no option; usage: latency [--seconds N]").into()),
+        _ => options(&args).and_then(|(seconds, rates_evs)| run::all(seconds, &rates_evs)),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -59,6 +58,21 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Seconds for each case, and the rates to measure.
+fn options(args: &[String]) -> Outcome<(u64, Vec<u32>)> {
+    let (mut seconds, mut rates_evs) = (10, RATES_EVS.to_vec());
+    for place in (0..args.len()).step_by(2) {
+        match args[place].as_str() {
+            "--seconds" => seconds = number(args, place + 1)?,
+            "--mevs" => rates_evs = vec![number::<u32>(args, place + 1)?.saturating_mul(1_000_000)],
+            other => {
+                return Err(format!("{other} is no option; usage: latency [--seconds N] [--mevs N]").into());
+            }
+        }
+    }
+    Ok((seconds, rates_evs))
 }
 
 /// Any error, for a sentence at the end.

@@ -10,6 +10,9 @@ use crate::daemon::{Mark, Work};
 use crate::percentiles::Percentiles;
 use crate::{Outcome, RATES_EVS, Wait, client, daemon, floor};
 
+/// The rate at which the issue sets its bars.
+const BAR_RATE_EVS: u32 = RATES_EVS[0];
+
 /// One line of the table.
 struct Row {
     rate_evs: u32,
@@ -26,13 +29,13 @@ struct Allocated {
     to: Mark,
 }
 
-/// Measures every case for so many seconds and prints the tables.
-pub fn all(seconds: u64) -> Outcome<()> {
+/// Measures every case of these rates for so many seconds and prints the tables.
+pub fn all(seconds: u64, rates_evs: &[u32]) -> Outcome<()> {
     println!("{}, {}; {seconds} s a case, 1 ms packets, {}\n", clock::machine(), clock::today(), load());
     let mut rows = Vec::new();
     let mut allocated = Vec::new();
     let mut per_loan = 0.0f64;
-    for rate_evs in RATES_EVS {
+    for &rate_evs in rates_evs {
         for wait in Wait::ALL {
             let (seen, of_loan) = measure_floor(rate_evs, wait, seconds)?;
             per_loan = per_loan.max(of_loan);
@@ -47,7 +50,9 @@ pub fn all(seconds: u64) -> Outcome<()> {
     print_latency(&rows);
     print_stages(&rows);
     print_allocations(&allocated, per_loan);
-    print_bars(&rows);
+    if rates_evs.contains(&BAR_RATE_EVS) {
+        print_bars(&rows);
+    }
     Ok(())
 }
 
@@ -163,7 +168,7 @@ fn print_allocations(allocated: &[Allocated], per_loan: f64) {
 fn print_bars(rows: &[Row]) {
     for wait in Wait::ALL {
         let seen = |what: &str| {
-            let at = |row: &&Row| row.rate_evs == RATES_EVS[0] && row.wait == wait && row.what == what;
+            let at = |row: &&Row| row.rate_evs == BAR_RATE_EVS && row.wait == wait && row.what == what;
             rows.iter().find(at).map(|row| row.seen).unwrap_or_default()
         };
         let (ours, floor) = (seen(Work::Bare.name()), seen("iceoryx2 alone"));
