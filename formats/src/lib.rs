@@ -19,6 +19,7 @@ mod byte_cursor;
 mod check;
 mod container;
 mod copy;
+mod dat;
 mod digest;
 mod error;
 mod index;
@@ -33,6 +34,7 @@ mod output;
 mod raw;
 mod recording;
 mod stream;
+mod wrap;
 mod write;
 
 pub use check::Check;

@@ -3,14 +3,14 @@
 use crate::container::Container;
 use crate::input::Input;
 use crate::write::Create;
-use crate::{Error, ErrorKind, Limits, Recording, nmnist, raw};
+use crate::{Error, ErrorKind, Limits, Recording, dat, nmnist, raw};
 use lobula_core::Geometry;
 use lobula_core::wire::Encoding;
 use std::path::Path;
 use std::sync::Arc;
 
 /// Every format: the one list. A format is a module and a line here.
-pub static FORMATS: &[Format] = &[raw::FORMAT, nmnist::FORMAT];
+pub static FORMATS: &[Format] = &[dat::FORMAT, raw::FORMAT, nmnist::FORMAT];
 
 /// A format of recordings.
 #[derive(Debug)]

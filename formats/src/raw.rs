@@ -12,7 +12,7 @@
 //! ```
 
 mod camera;
-mod header;
+pub(crate) mod header;
 mod write;
 
 use crate::byte_cursor::{Bad, ByteCursor, ByteDecoder, Step};
@@ -36,8 +36,8 @@ pub(crate) const FORMAT: Format =
 pub(crate) const GEOMETRY_MAX: Geometry = Geometry::new(2048, 2048);
 
 fn probe(Probe { head, .. }: &Probe<'_>) -> bool {
-    // Not Prophesee DAT, whose header looks alike.
-    head.starts_with(b"% ") && !head.starts_with(b"% Data file")
+    // Prophesee DAT, whose header looks alike, is asked before.
+    head.starts_with(b"% ")
 }
 
 fn open(input: Arc<Input>, options: &OpenOptions) -> Result<Box<dyn Container>, Error> {

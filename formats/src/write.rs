@@ -338,6 +338,11 @@ pub(crate) fn required(geometry: Option<Geometry>, path: &Path) -> Result<Geomet
     })
 }
 
+/// Why an encoder does not go on, after so many events.
+pub(crate) fn refused(path: &Path, events: u64, what: &str, remedy: &str) -> Error {
+    Error::new(ErrorKind::Refused, path, format!("cannot be written after event {events}: {what}"), remedy)
+}
+
 /// How a file of this name, or of the format that was asked for, is begun.
 fn create_of(path: &Path, options: &WriteOptions) -> Result<Create, Error> {
     let written = || FORMATS.iter().filter(|format| format.writes());

@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// The header's fields and where the events begin.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Header {
+pub(crate) struct Header {
     fields: Vec<Field>,
     len: u64,
 }
@@ -25,7 +25,7 @@ const PREFIX: &[u8] = b"% ";
 
 impl Header {
     /// Reads the header at the start of `head`, the first bytes of a file of `file_bytes`.
-    pub(super) fn parse(head: &[u8], file_bytes: u64, path: &Path, limits: &Limits) -> Result<Self, Error> {
+    pub(crate) fn parse(head: &[u8], file_bytes: u64, path: &Path, limits: &Limits) -> Result<Self, Error> {
         let head = head.get(..limits.header_bytes_max).unwrap_or(head);
         let mut header = Self::default();
         let mut rest = head;
@@ -178,6 +178,18 @@ impl Header {
             (Some(size), _) | (None, Some(size)) => Ok(Some(size)),
             (None, None) => Ok(self.geometry_of_camera()),
         }
+    }
+
+    /// The size `text`, which the line of `key` told.
+    pub(crate) fn size_of(
+        &self,
+        text: &str,
+        key: &str,
+        path: &Path,
+        limits: &Limits,
+    ) -> Result<Geometry, Error> {
+        let offset = self.field(key).map_or(0, |field| field.offset);
+        geometry(text, limits).map_err(|why| why.error(text, path).at(offset))
     }
 
     fn geometry_of_camera(&self) -> Option<Geometry> {

@@ -91,7 +91,24 @@ macro_rules! targets {
 
 targets! {
     raw: Target { extension: "raw", wholes: raw, say: |_| {}, reached: [20_000, 10_000] },
+    dat: Target { extension: "dat", wholes: dat, say: |_| {}, reached: [20_000, 5_000] },
     nmnist: Target { extension: "bin", wholes: nmnist, say: |_| {}, reached: [20_000, 0] },
+}
+
+/// Both versions; of the first with and without a header's size.
+fn dat(path: &Path) -> Vec<Vec<u8>> {
+    let place = |i: u32| (i % 300) | ((i % 240) << 9) | ((i & 1) << 17);
+    let event = |i: u32| {
+        let t = i.wrapping_mul(9_000_000);
+        (u64::from(t) | (u64::from(place(i)) << 32)).to_le_bytes()
+    };
+    let v1 =
+        |header: &[u8]| [header, &[0, 8], (0..480).map(event).collect::<Vec<_>>().as_flattened()].concat();
+    vec![
+        written(path, |_| {}),
+        v1(b"% Data file containing Event2d events.\n% Version 1\n"),
+        v1(b"% Data file containing Event2d events.\n% Width 304\n% Height 240\n"),
+    ]
 }
 
 fn nmnist(_: &Path) -> Vec<Vec<u8>> {

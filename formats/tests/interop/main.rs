@@ -40,14 +40,15 @@ const FILES: &[File] = &[
     file("evt21-little.raw", |options| options.encoding = Some(Encoding::Evt21(WordOrder::Little))),
     file("evt21-legacy.raw", |options| options.encoding = Some(Encoding::Evt21(WordOrder::Legacy))),
     file("evt3.raw", |options| options.encoding = Some(Encoding::Evt3)),
+    file("cd.dat", |_| {}),
 ];
 
 /// Which reads what, found by trial. Of EVT 2.1 each knows one word order or none. faery 0.7.1 counts no wrap of EVT3
 /// before the first event, and expelliarmus 1.1.12 adds 4096 µs at some TIME_HIGH words and stops at triggers.
 const PEERS: &[(&str, &[&str])] = &[
-    ("faery", &["evt2.raw"]),
+    ("faery", &["evt2.raw", "cd.dat"]),
     ("evlib", &["evt2.raw", "evt21-little.raw", "evt3.raw"]),
-    ("evutils", &["evt2.raw", "evt21-legacy.raw", "evt3.raw"]),
+    ("evutils", &["evt2.raw", "evt21-legacy.raw", "evt3.raw", "cd.dat"]),
 ];
 
 #[test]

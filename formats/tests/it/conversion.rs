@@ -28,6 +28,7 @@ const TARGETS: &[Target] = &[
     Target { name: "evt21.raw", set: |o| o.encoding = Some(LITTLE), say: |_| {}, triggers: true },
     Target { name: "evt21-legacy.raw", set: |o| o.encoding = Some(LEGACY), say: |_| {}, triggers: true },
     Target { name: "evt3.raw", set: |o| o.encoding = Some(Encoding::Evt3), say: |_| {}, triggers: true },
+    Target { name: "cd.dat", set: |_| {}, say: |_| {}, triggers: false },
 ];
 
 const LITTLE: Encoding = Encoding::Evt21(WordOrder::Little);
@@ -41,6 +42,12 @@ const REFUSALS: &[(&str, &str, &str)] = &[
     ("mcap", ".raw", "beyond the 2^40 µs"),
     ("rosbag_dvs_msgs", ".raw", "beyond the 2^40 µs"),
     ("text_rpg_seconds", ".raw", "beyond the 2^40 µs"),
+    ("aedat4_davis346", ".dat", "beyond the 2^32 µs"),
+    ("aedat4_dvxplorer", ".dat", "beyond the 2^32 µs"),
+    ("hdf5_dsec", ".dat", "beyond the 2^32 µs"),
+    ("mcap", ".dat", "beyond the 2^32 µs"),
+    ("rosbag_dvs_msgs", ".dat", "beyond the 2^32 µs"),
+    ("text_rpg_seconds", ".dat", "beyond the 2^32 µs"),
 ];
 
 #[test]

@@ -44,7 +44,6 @@ fn content() {
     check(b"hello, world\n", ErrorKind::UnknownFormat, &text);
     let binary = format!("is no recording of a known format ({known}); {CONVERT}");
     check(&[0, 1, 2, 0x80], ErrorKind::UnknownFormat, &binary);
-    check(b"% Data file containing CD events\n% Version 2\n\x0c\x08", ErrorKind::UnknownFormat, &binary);
     let size = "has the sensor size 1000000x1000000, beyond 8192 pixels a side, at byte 10; give the true size with --sensor-size WxH";
     check(b"% evt 3.0\n% geometry 1000000x1000000\n% end\n", ErrorKind::TooLarge, size);
     let cut = "ends inside its header at byte 20; copy it again from where it was recorded";

@@ -31,6 +31,7 @@ pub const SAMPLES: &[Sample] = &[
     sample("evt21_legacy_1280x720.raw"),
     sample("evt3_gen41_1280x720.raw"),
     sample("evt3_trigger_1280x720.raw"),
+    sample("dat_ncars.dat"),
 ];
 
 /// Those that hold a camera's bytes in order.
