@@ -11,11 +11,20 @@
 //!  OTHERS 0xE, CONTINUED 0xF     vendor's own: skipped
 //! ```
 
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod portable;
+#[cfg(test)]
+mod tests;
+
 use super::carry::{self, Carry, Held, Words};
+use super::kernel::{Chosen, Done, Kernel};
+use super::steady::Steady;
 use super::time_high::{Clock, ClockOut};
 use crate::event::packed::pack;
 use crate::{
     Counters, Decode, Encode, Encoded, Event, Fault, Geometry, Polarity, Refused, Sink, Span, Trigger,
+    full_time,
 };
 
 const WORD_BYTES: usize = 4;
@@ -26,8 +35,6 @@ const OTHERS: u32 = 0xE;
 const CONTINUED: u32 = 0xF;
 /// Largest number of a trigger input.
 const CHANNEL_MAX: u8 = 0x1F;
-/// Words decoded at a time, without a branch between them.
-const LANES: usize = 8;
 /// Largest coordinate of 11 bits.
 const COORDINATE_MAX: u16 = 0x7FF;
 
@@ -55,8 +62,8 @@ const fn coordinates(word: u32) -> u32 {
 }
 
 /// The sensor's size, to test both coordinates of a word by one subtraction.
-#[derive(Clone, Copy)]
-pub(super) struct Limits(u32);
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits(pub(super) u32);
 
 impl Limits {
     /// A bit over each coordinate.
@@ -95,77 +102,53 @@ impl Limits {
 #[derive(Clone, Debug)]
 pub struct Decoder {
     geometry: Geometry,
+    kernel: Chosen,
     carry: Carry<WORD_BYTES>,
     clock: Clock,
     counters: Counters,
 }
 
 impl Decoder {
-    /// A decoder for a sensor of this size.
-    pub const fn new(geometry: Geometry) -> Self {
-        Self { geometry, carry: Carry::new(), clock: Clock::new(), counters: Counters::new() }
+    /// A decoder for a sensor of this size, with the fastest kernel of this CPU.
+    pub fn new(geometry: Geometry) -> Self {
+        Self::with_kernel(geometry, Kernel::best())
     }
 
-    /// Takes CD words as long as they follow each other, lie on the sensor and fit the sink; how many.
+    /// The same with a kernel of choice; one that this CPU lacks is replaced by the best that it has.
+    pub fn with_kernel(geometry: Geometry, kernel: Kernel) -> Self {
+        let (carry, clock, counters) = (Carry::new(), Clock::new(), Counters::new());
+        Self { geometry, kernel: kernel.choose(), carry, clock, counters }
+    }
+
+    /// Takes a steady stretch from the start of `words`; how many.
     #[inline]
     fn run(&mut self, words: &[[u8; WORD_BYTES]], sink: &mut Sink<'_>) -> usize {
-        let Some(base) = self.clock.base() else { return 0 };
-        if !sink.admits(base) || !sink.admits(base | 0x3F) {
-            return 0;
-        }
+        let (Some(reach), Some(base)) = (self.clock.reach(sink), self.clock.base()) else { return 0 };
+        let mut steady = Steady { limits: Limits::new(self.geometry), reach, base: base as u32 };
         let spare = sink.spare();
-        let mut n = 0;
-        for (words, slots) in words.as_chunks().0.iter().zip(spare.as_chunks_mut().0) {
-            if !self.lanes(words, base as u32, slots) {
-                break;
+        let done = match self.kernel {
+            Chosen::Plain => Done::default(),
+            Chosen::Portable => portable::run(&mut steady, words, spare),
+            Chosen::Avx512(cpu) => {
+                let done = avx512::run(cpu, &mut steady, words, spare);
+                let words = words.get(done.words..).unwrap_or_default();
+                done + portable::run(&mut steady, words, spare.get_mut(done.events..).unwrap_or_default())
             }
-            n += LANES;
+        };
+        let taken = words.get(..done.words).unwrap_or_default();
+        if let Some([first, .., last] | [first @ last]) = spare.get(..done.events) {
+            let first = full_time(base, first.t());
+            let last = self.clock.reached(last.t());
+            sink.commit(done.events, first, last);
         }
-        for (word, slot) in words.iter().zip(spare).skip(n) {
-            if !self.lane(word, base as u32, slot) {
-                break;
-            }
-            n += 1;
+        let head = |word: &[u8; WORD_BYTES]| u32::from_le_bytes(*word);
+        let times = taken.iter().rev().take_while(|word| reach.contains(head(word))).count();
+        for word in taken.get(taken.len() - times..).unwrap_or_default() {
+            self.clock.time_high(head(word).into());
         }
-        self.commit(words.get(..n).unwrap_or_default(), base, sink);
-        n
-    }
-
-    /// Writes the events of several words; false if any is not that of a CD word on the sensor. Nothing but shifts,
-    /// masks and one subtraction per word, so that it vectorises: 0.7 to 0.9 Gev/s (a
-    /// Xeon, one core, SSE2 code, 4096 events at a time, 2026-11).
-    #[inline]
-    fn lanes(&self, words: &[[u8; WORD_BYTES]; LANES], base: u32, slots: &mut [Event; LANES]) -> bool {
-        let limits = Limits::new(self.geometry);
-        let (mut kinds, mut guards) = (0, Limits::GUARDS);
-        let mut packed = [0u64; LANES];
-        for (slot, word) in packed.iter_mut().zip(words) {
-            let word = u32::from_le_bytes(*word);
-            kinds |= word;
-            guards &= limits.guards(word);
-            *slot = pack(base | time_low(word), pixel(word));
-        }
-        *slots = bytemuck::cast(packed);
-        is_cd(kinds) && guards == Limits::GUARDS
-    }
-
-    /// Writes the event of a word; false if it is not that of a CD word on the sensor.
-    #[inline]
-    fn lane(&self, word: &[u8; WORD_BYTES], base: u32, slot: &mut Event) -> bool {
-        let word = u32::from_le_bytes(*word);
-        *slot = bytemuck::cast(pack(base | time_low(word), pixel(word)));
-        is_cd(word) && Limits::new(self.geometry).contain(word)
-    }
-
-    /// Accounts for a run of CD words whose events were written to the sink's spare memory.
-    #[inline]
-    fn commit(&mut self, words: &[[u8; WORD_BYTES]], base: u64, sink: &mut Sink<'_>) {
-        let (Some(first), Some(last)) = (words.first(), words.last()) else { return };
-        let [first, last] = [first, last].map(|word| base | u64::from(time_low(u32::from_le_bytes(*word))));
-        sink.commit(words.len(), first, last);
-        self.clock.set_now(last);
-        self.counters.events += words.len() as u64;
-        self.counters.bytes_decoded += size_of_val(words) as u64;
+        self.counters.events += done.events as u64;
+        self.counters.bytes_decoded += size_of_val(taken) as u64;
+        done.words
     }
 
     /// Takes a word of any kind; false when the sink takes no more.
@@ -365,67 +348,12 @@ impl Encode for Encoder {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::wire::testing::{decode_words, tell};
+#[cfg(not(target_arch = "x86_64"))]
+mod avx512 {
+    use super::{Done, Event, Steady, WORD_BYTES};
+    use crate::wire::kernel::avx512::Cpu;
 
-    const GEOMETRY: Geometry = Geometry::new(640, 480);
-
-    fn bytes_of(words: &str) -> Vec<u8> {
-        words
-            .split_whitespace()
-            .flat_map(|word| u32::from_str_radix(word, 16).unwrap().to_le_bytes())
-            .collect()
-    }
-
-    #[track_caller]
-    fn check(words: &str, told: &str) {
-        assert_eq!(tell(Decoder::new(GEOMETRY), &bytes_of(words)), told, "{words}");
-    }
-
-    #[test]
-    fn events_and_triggers() {
-        check("80000001 10000000", "t=64 x=0 y=0 p=1");
-        check("80000001 0fc00801", "t=127 x=1 y=1 p=0");
-        check("80000001 113ff9df 0003f9de", "off sensor 1, t=64 x=127 y=478 p=0");
-        check("80000002 a5400301", "trigger t=149 after=0 channel=3 p=1");
-        check("80000002 10000000 a0001f00", "t=128 x=0 y=0 p=1, trigger t=128 after=1 channel=31 p=0");
-    }
-
-    #[test]
-    fn time_wraps_only_beyond_half_the_range() {
-        check("8fffffff 10000000", "t=17179869120 x=0 y=0 p=1");
-        check("8fffffff 87ffffff 10000000", "t=8589934528 x=0 y=0 p=1");
-        check("8fffffff 87fffffe 10000000", "t=25769803648 x=0 y=0 p=1");
-        check("80000005 10000000 80000004 10400000", "t=320 x=0 y=0 p=1, t=257 x=0 y=0 p=1");
-    }
-
-    #[test]
-    fn what_cannot_be_placed_or_known_is_counted() {
-        check("10000000 a0000000 80000000 10000000", "before_time 2, t=0 x=0 y=0 p=1");
-        check("80000000 20000000 d0000000 e0000000 f0000000", "unknown_word 2");
-        let mut bytes = bytes_of("80000000 10000000");
-        bytes.truncate(7);
-        assert_eq!(tell(Decoder::new(GEOMETRY), &bytes), "cut_short 1");
-    }
-
-    #[test]
-    fn after_a_gap_time_must_come_again() {
-        let mut decoder = Decoder::new(GEOMETRY);
-        decode_words(&mut decoder, &bytes_of("80000001 10000000"));
-        assert_eq!(decoder.now(), 64);
-        decode_words(&mut decoder, &[1, 2, 3]);
-        assert_eq!(decoder.pending(), 3);
-        decoder.gap(Some((3 << 34) - 5));
-        assert_eq!((decoder.pending(), decoder.counters().faults.get(Fault::CutShort)), (0, 1));
-        assert_eq!(decode_words(&mut decoder, &bytes_of("10000000")), []);
-        assert_eq!(decoder.counters().faults.get(Fault::BeforeTime), 1);
-        // The hint says how often 34 bits wrapped; the reading lies just beyond the wrap that the hint lies before.
-        let events = decode_words(&mut decoder, &bytes_of("80000002 10000000"));
-        assert_eq!(events.iter().map(|(t, _)| *t).collect::<Vec<_>>(), [(3 << 34) + 128]);
-        decoder.gap(None);
-        let events = decode_words(&mut decoder, &bytes_of("10000000 80000003 10000000"));
-        assert_eq!(events.iter().map(|(t, _)| *t).collect::<Vec<_>>(), [(3 << 34) + 192]);
+    pub fn run(cpu: Cpu, _: &mut Steady, _: &[[u8; WORD_BYTES]], _: &mut [Event]) -> Done {
+        match cpu {}
     }
 }

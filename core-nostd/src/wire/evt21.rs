@@ -14,12 +14,21 @@
 //! The upper half of a word is laid out as a word of [EVT 2.0](super::evt2). Which half comes first differs by sensor:
 //! see [`WordOrder`].
 
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod portable;
+#[cfg(test)]
+mod tests;
+
 use super::carry::{self, Carry, Held, Words};
 use super::evt2::{Limits, pixel};
+use super::kernel::{Chosen, Done, Kernel};
+use super::steady::Steady;
 use super::time_high::{Clock, ClockOut};
 use crate::event::packed::{COLUMN, pack};
 use crate::{
     Counters, Decode, Encode, Encoded, Event, Fault, Geometry, Polarity, Refused, Sink, Span, Trigger,
+    full_time,
 };
 
 const WORD_BYTES: usize = 8;
@@ -132,47 +141,56 @@ impl Word {
 pub struct Decoder {
     geometry: Geometry,
     order: WordOrder,
+    kernel: Chosen,
     carry: Carry<WORD_BYTES>,
     clock: Clock,
     counters: Counters,
 }
 
 impl Decoder {
-    /// A decoder for a sensor of this size that sends words in this order.
-    pub const fn new(geometry: Geometry, order: WordOrder) -> Self {
-        Self { geometry, order, carry: Carry::new(), clock: Clock::new(), counters: Counters::new() }
+    /// A decoder for a sensor of this size that sends words in this order, with the fastest kernel of this CPU.
+    pub fn new(geometry: Geometry, order: WordOrder) -> Self {
+        Self::with_kernel(geometry, order, Kernel::best())
     }
 
-    /// Takes vectors as long as they follow each other, lie on the sensor whole and fit the sink; how many: 0.25 Gev/s
-    /// at one event a word (a Xeon, one core, SSE2 code, 4096 events at a time, 2026-11).
+    /// The same with a kernel of choice; one that this CPU lacks is replaced by the best that it has.
+    pub fn with_kernel(geometry: Geometry, order: WordOrder, kernel: Kernel) -> Self {
+        let (carry, clock, counters) = (Carry::new(), Clock::new(), Counters::new());
+        Self { geometry, order, kernel: kernel.choose(), carry, clock, counters }
+    }
+
+    /// Takes a steady stretch from the start of `words`: vectors that lie on the sensor whole, and times. How many words.
+    #[inline]
     fn run<const ORDER: u8>(&mut self, words: &[[u8; WORD_BYTES]], sink: &mut Sink<'_>) -> usize {
-        let Some(base) = self.clock.base() else { return 0 };
-        if !sink.admits(base) || !sink.admits(base | 0x3F) {
-            return 0;
-        }
-        let word_of = |bytes: &[u8; WORD_BYTES]| Word::from_bytes(*bytes, WordOrder::from_const(ORDER));
+        let (Some(reach), Some(base)) = (self.clock.reach(sink), self.clock.base()) else { return 0 };
         let Geometry { width, height } = self.geometry;
-        let whole = Limits::new(Geometry::new(width.saturating_sub(VECTOR_LEN as u16 - 1), height));
+        let limits = Limits::new(Geometry::new(width.saturating_sub(VECTOR_LEN as u16 - 1), height));
+        let mut steady = Steady { limits, reach, base: base as u32 };
         let spare = sink.spare();
-        let (mut n, mut done) = (0, 0);
-        for bytes in words {
-            let word = word_of(bytes);
-            let Some(slots) = spare.get_mut(n..).and_then(<[Event]>::first_chunk_mut) else { break };
-            if word.kind() > EVT_POS || !whole.contain(word.head) || word.mask == 0 {
-                break;
+        let done = match self.kernel {
+            Chosen::Plain => Done::default(),
+            Chosen::Portable => portable::run::<ORDER>(&mut steady, words, spare),
+            Chosen::Avx512(cpu) => {
+                let done = avx512::run::<ORDER>(cpu, &mut steady, words, spare);
+                let words = words.get(done.words..).unwrap_or_default();
+                let spare = spare.get_mut(done.events..).unwrap_or_default();
+                done + portable::run::<ORDER>(&mut steady, words, spare)
             }
-            n += expand(word.mask, word.first(base as u32), slots);
-            done += 1;
+        };
+        let taken = words.get(..done.words).unwrap_or_default();
+        if let Some([first, .., last] | [first @ last]) = spare.get(..done.events) {
+            let first = full_time(base, first.t());
+            let last = self.clock.reached(last.t());
+            sink.commit(done.events, first, last);
         }
-        let taken = words.get(..done).unwrap_or_default();
-        if let (Some(first), Some(last)) = (taken.first(), taken.last()) {
-            let [first, last] = [first, last].map(|word| base | u64::from(word_of(word).time_low()));
-            sink.commit(n, first, last);
-            self.clock.set_now(last);
-            self.counters.events += n as u64;
-            self.counters.bytes_decoded += (done * WORD_BYTES) as u64;
+        let head = |word: &[u8; WORD_BYTES]| Word::from_bytes(*word, WordOrder::from_const(ORDER)).head;
+        let times = taken.iter().rev().take_while(|word| reach.contains(head(word))).count();
+        for word in taken.get(taken.len() - times..).unwrap_or_default() {
+            self.clock.time_high(head(word).into());
         }
-        done
+        self.counters.events += done.events as u64;
+        self.counters.bytes_decoded += size_of_val(taken) as u64;
+        done.words
     }
 
     /// Takes a word; false when the sink takes no more.
@@ -454,108 +472,12 @@ impl Encode for Encoder {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::wire::testing::{decode_words, tell};
+#[cfg(not(target_arch = "x86_64"))]
+mod avx512 {
+    use super::{Done, Event, Steady, WORD_BYTES};
+    use crate::wire::kernel::avx512::Cpu;
 
-    const GEOMETRY: Geometry = Geometry::new(1280, 720);
-
-    /// The same words in both orders.
-    fn bytes_of(words: &str, order: WordOrder) -> Vec<u8> {
-        let halves = |word: &str| {
-            let (head, mask) = word.split_once(':').unwrap();
-            let half = |hex: &str| u32::from_str_radix(hex, 16).unwrap().to_le_bytes();
-            match order {
-                WordOrder::Little => [half(mask), half(head)],
-                WordOrder::Legacy => [half(head), half(mask)],
-            }
-        };
-        words.split_whitespace().flat_map(halves).flatten().collect()
-    }
-
-    #[track_caller]
-    fn check(words: &str, told: &str) {
-        for order in [WordOrder::Little, WordOrder::Legacy] {
-            assert_eq!(
-                tell(Decoder::new(GEOMETRY, order), &bytes_of(words, order)),
-                told,
-                "{order:?} {words}"
-            );
-        }
-    }
-
-    #[test]
-    fn the_orders_are_those_of_the_specification() {
-        // Its example: how two sensors send 0x0102030405060708.
-        let word = Word { head: 0x0102_0304, mask: 0x0506_0708 };
-        assert_eq!(word.to_bytes(WordOrder::Little), [8, 7, 6, 5, 4, 3, 2, 1]);
-        assert_eq!(word.to_bytes(WordOrder::Legacy), [4, 3, 2, 1, 8, 7, 6, 5]);
-        for order in [WordOrder::Little, WordOrder::Legacy] {
-            assert_eq!(Word::from_bytes(word.to_bytes(order), order), word);
-        }
-    }
-
-    #[test]
-    fn events_and_triggers() {
-        check("80000001:0 10000000:1", "t=64 x=0 y=0 p=1");
-        check("80000001:0 0fc10001:80000001", "t=127 x=32 y=1 p=0, t=127 x=63 y=1 p=0");
-        check("80000001:0 10000000:0", "");
-        check("80000002:0 a5400301:0", "trigger t=149 after=0 channel=3 p=1");
-        check(
-            "80000002:0 10000000:6 a0000000:0",
-            "t=128 x=1 y=0 p=1, t=128 x=2 y=0 p=1, trigger t=128 after=2 channel=0 p=0",
-        );
-    }
-
-    #[test]
-    fn events_off_the_sensor_are_counted_and_dropped() {
-        // x = 1264, which is no multiple of 32: half of the vector is on the sensor.
-        check("80000000:0 10278000:18000", "off sensor 1, t=0 x=1279 y=0 p=1");
-        check("80000000:0 102802cf:3", "off sensor 2");
-        check("80000000:0 100002d0:ffffffff", "off sensor 32");
-        check("80000000:0 103ff800:80000000", "off sensor 1");
-    }
-
-    #[test]
-    fn what_cannot_be_placed_or_known_is_counted() {
-        check("10000000:1 a0000000:0 80000000:0 10000000:1", "before_time 2, t=0 x=0 y=0 p=1");
-        check("80000000:0 20000000:1 c0000000:1 e0000000:1 f0000000:1", "unknown_word 2");
-    }
-
-    #[test]
-    fn after_a_gap_time_must_come_again() {
-        let order = WordOrder::Little;
-        let mut decoder = Decoder::new(GEOMETRY, order);
-        decode_words(&mut decoder, &bytes_of("80000001:0 10000000:1", order));
-        decode_words(&mut decoder, &[1, 2, 3, 4, 5, 6, 7]);
-        decoder.gap(Some(1 << 40));
-        assert_eq!((decoder.pending(), decoder.counters().bytes_faulty), (0, 7));
-        let events = decode_words(&mut decoder, &bytes_of("10000000:1 80000001:0 10000000:1", order));
-        assert_eq!(events.iter().map(|(t, _)| *t).collect::<Vec<_>>(), [(1 << 40) + 64]);
-    }
-
-    #[test]
-    fn a_sink_with_less_room_than_a_vector_stops_before_it() {
-        let bytes = bytes_of("80000000:0 10000000:1", WordOrder::Little);
-        let mut decoder = Decoder::new(GEOMETRY, WordOrder::Little);
-        let mut memory = [Event::default(); VECTOR_LEN - 1];
-        assert_eq!(decoder.decode(&bytes, &mut Sink::new(&mut memory)), 0);
-        let mut memory = [Event::default(); VECTOR_LEN];
-        assert_eq!(decoder.decode(&bytes, &mut Sink::new(&mut memory)), 16);
-    }
-
-    #[test]
-    fn events_share_a_word_only_to_the_right() {
-        let events = [(5, 1), (5, 2), (5, 31), (5, 32), (5, 30), (6, 31), (6, 31)];
-        let events = events.map(|(t, x)| Event::new(t, x, 7, Polarity::On));
-        let span = Span { t_first: 5, t_last: 6, geometry: GEOMETRY, events: &events };
-        let mut bytes = [0; 100];
-        let mut encoder = Encoder::new(WordOrder::Legacy);
-        let done = encoder.encode(span, &mut bytes);
-        let len = done.bytes + encoder.finish(&mut bytes[done.bytes..]);
-        let words =
-            "80000000:0 11400007:80000006 11410007:1 11400007:40000000 11800007:80000000 11800007:80000000";
-        assert_eq!(bytes[..len], bytes_of(words, WordOrder::Legacy));
+    pub fn run<const ORDER: u8>(cpu: Cpu, _: &mut Steady, _: &[[u8; WORD_BYTES]], _: &mut [Event]) -> Done {
+        match cpu {}
     }
 }

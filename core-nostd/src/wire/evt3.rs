@@ -30,8 +30,9 @@ mod portable;
 #[cfg(test)]
 mod tests;
 
-pub use kernel::Kernel;
-use kernel::{Chosen, Steady};
+use super::kernel::Chosen;
+pub use super::kernel::Kernel;
+use kernel::Steady;
 
 const ADDR_Y: u16 = 0x0;
 const ADDR_X: u16 = 0x2;
@@ -157,7 +158,7 @@ impl Decoder {
     /// Decodes a steady stretch, if the stream is in one.
     fn stretch(&mut self, words: &[[u8; 2]], sink: &mut Sink<'_>) -> usize {
         let Some(mut steady) = self.state.steady(self.geometry, sink) else { return 0 };
-        let done = self.kernel.run(&mut steady, words, sink.spare());
+        let done = kernel::run(self.kernel, &mut steady, words, sink.spare());
         let time = |event: &Event| full_time(self.state.time, event.t());
         if let Some([first, .., last] | [first @ last]) = sink.spare().get(..done.events) {
             let (first, last) = (time(first), time(last));

@@ -3,16 +3,24 @@
 //! Firmware takes the types of its camera's format; who learns the format at run time builds an [`AnyDecoder`] or
 //! [`AnyEncoder`] from an [`Encoding`].
 
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 mod carry;
 pub mod evt2;
 pub mod evt21;
 pub mod evt3;
+mod kernel;
+mod steady;
+
+#[cfg(test)]
+mod oracle;
 #[cfg(test)]
 mod testing;
 mod time_high;
 
 use crate::{Counters, Decode, Encode, Encoded, Geometry, Sink, Span, Trigger};
 pub use evt21::WordOrder;
+pub use kernel::Kernel;
 
 /// The registry: a line per format, `variant (its parameters) = module, { name: value }`. Calls `$with!` with it.
 #[doc(hidden)]

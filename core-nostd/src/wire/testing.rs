@@ -1,6 +1,6 @@
 //! What the decoders' tests share: a decoder's findings as one line.
 
-use crate::{Decode, Event, Fault, Sink, Trigger};
+use crate::{Counters, Decode, Event, Fault, Sink, Trigger};
 
 /// The events of `bytes`, with their full times.
 pub(super) fn decode_words(decoder: &mut impl Decode, bytes: &[u8]) -> Vec<(u64, Event)> {
@@ -21,6 +21,47 @@ fn decode_all(decoder: &mut impl Decode, bytes: &[u8]) -> (Vec<(u64, Event)>, Ve
         events.extend(block.span().events.iter().map(|event| (block.span().time(*event), *event)));
     }
     (events, triggers)
+}
+
+/// Everything a decoder tells of a stream.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Told {
+    pub events: Vec<(u64, Event)>,
+    pub triggers: Vec<Trigger>,
+    pub counters: Counters,
+    pub now: u64,
+}
+
+/// Feeds `bytes` in the given pieces to sinks of `room` events and `triggers` triggers.
+pub(super) fn decode_in(
+    decoder: &mut impl Decode,
+    bytes: &[u8],
+    pieces: &[usize],
+    room: usize,
+    triggers: usize,
+) -> Told {
+    let mut told = Told::default();
+    let mut memory = vec![Event::default(); room];
+    let mut trigger_memory = vec![Trigger::default(); triggers];
+    let mut rest = bytes;
+    let mut pieces = pieces.iter().cycle();
+    while !rest.is_empty() {
+        let (mut piece, tail) = rest.split_at(rest.len().min(*pieces.next().unwrap()));
+        rest = tail;
+        while !piece.is_empty() {
+            let mut sink = Sink::with_triggers(&mut memory, &mut trigger_memory);
+            let taken = decoder.decode(piece, &mut sink);
+            told.triggers.extend(sink.triggers());
+            let block = sink.block(decoder.geometry());
+            let span = block.span();
+            told.events.extend(span.events.iter().map(|event| (span.time(*event), *event)));
+            assert!(taken > 0 || !span.events.is_empty() || !told.triggers.is_empty(), "no progress");
+            piece = &piece[taken..];
+        }
+    }
+    told.counters = *decoder.counters();
+    told.now = decoder.now();
+    told
 }
 
 /// What a decoder finds in `bytes`: faults, events off the sensor, events, triggers.

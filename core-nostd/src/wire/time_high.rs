@@ -1,7 +1,7 @@
 //! The time of EVT 2.0 and 2.1: 34 bits of µs, of which a TIME_HIGH word tells the upper 28 and each event the
 //! lower 6. 34 bits wrap after 4 h 46 min; [`Unwrap`] makes them 64.
 
-use crate::{Refused, Unwrap};
+use crate::{Refused, Sink, Unwrap, full_time};
 
 /// Bits of the time that each event carries.
 pub(super) const LOW_BITS: u32 = 6;
@@ -18,6 +18,28 @@ enum Known {
     /// Nothing since bytes were lost, but where it must be near.
     Near(u64),
     Yes,
+}
+
+/// The TIME_HIGH words from the last on that change nothing but the time's lower 32 bits: none wraps, and a sink takes
+/// every time that they tell.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reach {
+    /// The first such word (of EVT 2.1 its upper half): that of the last reading.
+    pub first: u32,
+    /// How many readings there are.
+    pub count: u32,
+}
+
+impl Reach {
+    /// Readings at most: 67 s, so that sinks seldom have less.
+    const COUNT_MAX: u64 = 1 << 20;
+    /// TIME_HIGH among the types of words, in place.
+    const KIND: u32 = 0x8 << HIGH_BITS;
+
+    #[inline(always)]
+    pub(super) const fn contains(self, word: u32) -> bool {
+        word.wrapping_sub(self.first) < self.count
+    }
 }
 
 /// The decoder's clock.
@@ -50,6 +72,26 @@ impl Clock {
     #[inline]
     pub(super) fn base(&self) -> Option<u64> {
         (self.known == Known::Yes).then_some(self.high.value() << LOW_BITS)
+    }
+
+    /// What kernels may take, `None` if nothing.
+    #[inline]
+    pub(super) fn reach(&self, sink: &Sink<'_>) -> Option<Reach> {
+        let base = self.base()?;
+        let reading = self.high.value() & ((1 << HIGH_BITS) - 1);
+        let count = Reach::COUNT_MAX.min((1 << HIGH_BITS) - reading);
+        let latest = base + (count << LOW_BITS) - 1;
+        (sink.admits(base) && sink.admits(latest))
+            .then_some(Reach { first: Reach::KIND | reading as u32, count: count as u32 })
+    }
+
+    /// An event came whose 32-bit time is `t`, after any TIME_HIGH words within [`reach`](Self::reach). Its full time.
+    #[inline]
+    pub(super) fn reached(&mut self, t: u32) -> u64 {
+        let t = full_time(self.high.value() << LOW_BITS, t);
+        self.high.push(t >> LOW_BITS);
+        self.now = t;
+        t
     }
 
     /// An event of this time came.

@@ -2,7 +2,7 @@
 
 use crate::chunk_invariance::Splits;
 use crate::streams::Timed;
-use lobula_core::wire::{AnyDecoder, Encoding, WordOrder, evt3};
+use lobula_core::wire::{AnyDecoder, Encoding, Kernel, WordOrder, evt2, evt3, evt21};
 use lobula_core::{Decode, Event, Geometry, Sink};
 use sha2::{Digest, Sha256};
 
@@ -57,12 +57,12 @@ fn digest(events: &[Timed]) -> String {
 
 /// Each decoder of the format, with whole input and split.
 fn decoders(encoding: Encoding, geometry: Geometry) -> Vec<(AnyDecoder, Splits)> {
-    let decoders = match encoding {
-        Encoding::Evt3 => evt3::Kernel::ALL
-            .map(|kernel| AnyDecoder::Evt3(evt3::Decoder::with_kernel(geometry, kernel)))
-            .to_vec(),
-        _ => vec![AnyDecoder::new(encoding, geometry)],
+    let with = |kernel| match encoding {
+        Encoding::Evt2 => AnyDecoder::Evt2(evt2::Decoder::with_kernel(geometry, kernel)),
+        Encoding::Evt21(order) => AnyDecoder::Evt21(evt21::Decoder::with_kernel(geometry, order, kernel)),
+        Encoding::Evt3 => AnyDecoder::Evt3(evt3::Decoder::with_kernel(geometry, kernel)),
     };
+    let decoders = Kernel::ALL.map(with);
     let splits = [Splits::Whole, Splits::random(7)];
     decoders.into_iter().flat_map(|decoder| splits.clone().map(|splits| (decoder.clone(), splits))).collect()
 }

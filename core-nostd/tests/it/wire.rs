@@ -1,6 +1,6 @@
 //! Every wire format under the laws of the core.
 
-use lobula_core::wire::{WordOrder, evt2, evt3, evt21};
+use lobula_core::wire::{Kernel, WordOrder, evt2, evt3, evt21};
 
 mod decoders {
     use super::*;
@@ -10,6 +10,11 @@ mod decoders {
         encoded by evt21::Encoder::new(WordOrder::Little));
     chunk_invariance!(decoder evt21_legacy, |geometry| evt21::Decoder::new(geometry, WordOrder::Legacy),
         encoded by evt21::Encoder::new(WordOrder::Legacy));
+    chunk_invariance!(decoder evt2_portable, |geometry| evt2::Decoder::with_kernel(geometry, Kernel::Portable),
+        encoded by evt2::Encoder::new());
+    chunk_invariance!(decoder evt21_portable,
+        |geometry| evt21::Decoder::with_kernel(geometry, WordOrder::Little, Kernel::Portable),
+        encoded by evt21::Encoder::new(WordOrder::Little));
     chunk_invariance!(decoder evt3_words, evt3::Decoder::new, encoded by evt3::Encoder::new());
 }
 

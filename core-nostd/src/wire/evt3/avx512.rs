@@ -14,16 +14,16 @@
 //! Words that are not steady end the stretch: the block is understood again with them and those after them blanked.
 #![allow(unsafe_code)] // one call, of code for this CPU: 1.8 times as fast as the portable kernel, see `Kernel`
 
-use super::kernel::{Done, Steady};
+use super::kernel::Steady;
 use super::{
     ADDR_X, COORDINATE, OTHERS, PAYLOAD, POLARITY_SHIFT, TIME_LOW, VECT_8, VECT_12, VECT_BASE_X, word,
 };
+use crate::wire::avx512::{BEFORE, Cpu, LANES, fill, interleave, splat};
+use crate::wire::kernel::Done;
 use crate::{Event, Polarity};
 use bytemuck::cast;
 use core::arch::x86_64::*;
 
-/// Words of a block.
-const LANES: usize = 16;
 /// Events that a block stores when no word makes more than two.
 const FEW: usize = 2 * LANES;
 /// Room for what a block stores at most: all the events, and what the last store writes beyond them.
@@ -43,20 +43,6 @@ const ON: u32 = 1 << 31;
 /// The types that can be steady: bit `i` for type `i`. TIME_HIGH is looked at by itself.
 const STEADY_TYPES: u32 = 0b1100_0000_1111_1101;
 
-/// For each lane a bit for every lane up to it, and for every lane before it.
-const UP_TO: [u32; LANES] = bits_to_lane(1);
-const BEFORE: [u32; LANES] = bits_to_lane(0);
-
-const fn bits_to_lane(own: u32) -> [u32; LANES] {
-    let mut lanes = [0; LANES];
-    let mut i = 0;
-    while i < LANES {
-        lanes[i] = (1 << (i as u32 + own)) - 1;
-        i += 1;
-    }
-    lanes
-}
-
 /// Lanes of two tables in turn: 0 of the first, 0 of the second (which counts as 16), 1, 1, ...
 const IN_TURN: [u8; FEW] = {
     let mut lanes = [0; FEW];
@@ -66,17 +52,6 @@ const IN_TURN: [u8; FEW] = {
         i += 1;
     }
     lanes
-};
-
-/// The same in two halves, as 32-bit lanes.
-const IN_TURN_HALVES: [[u32; LANES]; 2] = {
-    let mut halves = [[0; LANES]; 2];
-    let mut i = 0;
-    while i < FEW {
-        halves[i / LANES][i % LANES] = IN_TURN[i] as u32;
-        i += 1;
-    }
-    halves
 };
 
 /// For each bit of four masks of 16 bits: the lane in the upper four bits, the column in the lower.
@@ -90,46 +65,7 @@ const LANE_AND_COLUMN: [u8; 64] = {
     list
 };
 
-/// A CPU that has what [`stretch`] is compiled for: there is no other way to get one than to look.
-#[derive(Clone, Copy, Debug)]
-pub struct Cpu(());
-
-impl Cpu {
-    /// Looks at the CPU that this runs on.
-    #[cfg(any(test, feature = "std"))]
-    pub fn detect() -> Option<Self> {
-        use std::arch::is_x86_feature_detected as has;
-        let all = has!("avx512f")
-            && has!("avx512bw")
-            && has!("avx512cd")
-            && has!("avx512vl")
-            && has!("avx512vbmi2")
-            && has!("avx512vpopcntdq")
-            && has!("bmi1")
-            && has!("bmi2")
-            && has!("popcnt");
-        all.then_some(Self(()))
-    }
-
-    /// Looks at what this is compiled for.
-    #[cfg(not(any(test, feature = "std")))]
-    pub fn detect() -> Option<Self> {
-        let all = cfg!(all(
-            target_feature = "avx512f",
-            target_feature = "avx512bw",
-            target_feature = "avx512cd",
-            target_feature = "avx512vl",
-            target_feature = "avx512vbmi2",
-            target_feature = "avx512vpopcntdq",
-            target_feature = "bmi1",
-            target_feature = "bmi2",
-            target_feature = "popcnt"
-        ));
-        all.then_some(Self(()))
-    }
-}
-
-/// See [`Chosen::run`](super::kernel::Chosen).
+/// See [`run`](super::kernel::run).
 pub fn run(_: Cpu, state: &mut Steady, words: &[[u8; 2]], out: &mut [Event]) -> Done {
     let mut done = Done::default();
     loop {
@@ -247,12 +183,6 @@ impl Carry {
     }
 }
 
-#[inline]
-#[target_feature(enable = "avx512f")]
-fn splat(value: u32) -> __m512i {
-    _mm512_set1_epi32(value as i32)
-}
-
 /// The next words, as lanes, and how many; lanes without a word are blank.
 #[inline]
 #[target_feature(enable = "avx512f,avx512vl")]
@@ -274,16 +204,6 @@ fn load(words: &[[u8; 2]]) -> (__m512i, usize) {
 fn blank_from(count: usize, words: __m512i) -> __m512i {
     let kept = ((1u32 << count) - 1) as u16;
     _mm512_mask_mov_epi32(splat(word(OTHERS, 0).into()), kept, words)
-}
-
-/// For each lane what `table` holds in the last lane of `lanes` up to it; where there is none, what `before` holds in
-/// its last lane: without ones the leading zeros are 32, of which the complement names that lane.
-#[inline]
-#[target_feature(enable = "avx512f,avx512cd")]
-fn fill(table: __m512i, lanes: u16, before: __m512i) -> __m512i {
-    let up_to = _mm512_and_si512(_mm512_broadcastmw_epi32(lanes), cast(UP_TO));
-    let index = _mm512_xor_si512(_mm512_lzcnt_epi32(up_to), splat(u32::MAX));
-    _mm512_permutex2var_epi32(table, index, before)
 }
 
 /// For each lane the number of `lanes` before it.
@@ -427,12 +347,4 @@ fn store_many(columns: __m512i, top: __m512i, time: __m512i, out: &mut [Event; M
         n = end;
     }
     n
-}
-
-/// Events of their times and upper halves.
-#[inline]
-#[target_feature(enable = "avx512f")]
-fn interleave(time: __m512i, upper: __m512i) -> [Event; LANES] {
-    let half = |lanes: [u32; LANES]| _mm512_permutex2var_epi32(time, cast(lanes), upper);
-    cast(IN_TURN_HALVES.map(half))
 }

@@ -6,11 +6,12 @@
 //! the output moves on by 1 for ADDR_X, else by 0. The words left to a branch are vectors, taken whole where they come
 //! as cameras send them (a base and 12 + 12 + 8 columns), and whatever ends the stretch.
 
-use super::kernel::{Done, Steady};
+use super::kernel::Steady;
 use super::{
     ADDR_X, ADDR_Y, CONTINUED_4, CONTINUED_12, COORDINATE, OTHERS, PAYLOAD, POLARITY_SHIFT, TIME_LOW, VECT_8,
     VECT_12, VECT_BASE_X, WORD_EVENTS_MAX,
 };
+use crate::wire::kernel::Done;
 use crate::{Event, Geometry, Polarity};
 
 const X_SHIFT: u32 = 32;
@@ -100,7 +101,7 @@ fn unpack(event: u64) -> Event {
     Event::new(event as u32, x_of(event), y_of(event), polarity_of(event))
 }
 
-/// See [`Chosen::run`](super::kernel::Chosen).
+/// See [`run`](super::kernel::run).
 pub fn run(state: &mut Steady, words: &[[u8; 2]], out: &mut [Event]) -> Done {
     if state.row >= state.geometry.height {
         return Done::default(); // columns alone are compared with the limits

@@ -1,44 +1,10 @@
 use super::*;
+use crate::wire::testing::{Told, decode_in};
 use proptest::prelude::*;
 use std::{format, string::String, vec, vec::Vec};
 
 const HD: Geometry = Geometry::new(1280, 720);
 const FULL: Geometry = Geometry::new(2048, 2048);
-
-/// Everything a decoder tells of a stream.
-#[derive(Debug, Default, PartialEq)]
-struct Told {
-    events: Vec<(u64, Event)>,
-    triggers: Vec<Trigger>,
-    counters: Counters,
-    now: u64,
-}
-
-/// Feeds `bytes` in the given pieces to sinks of `room` events and `triggers` triggers.
-fn decode_in(decoder: &mut Decoder, bytes: &[u8], pieces: &[usize], room: usize, triggers: usize) -> Told {
-    let mut told = Told::default();
-    let mut memory = vec![Event::default(); room];
-    let mut trigger_memory = vec![Trigger::default(); triggers];
-    let mut rest = bytes;
-    let mut pieces = pieces.iter().cycle();
-    while !rest.is_empty() {
-        let (mut piece, tail) = rest.split_at(rest.len().min(*pieces.next().unwrap()));
-        rest = tail;
-        while !piece.is_empty() {
-            let mut sink = Sink::with_triggers(&mut memory, &mut trigger_memory);
-            let taken = decoder.decode(piece, &mut sink);
-            told.triggers.extend(sink.triggers());
-            let block = sink.block(decoder.geometry());
-            let span = block.span();
-            told.events.extend(span.events.iter().map(|event| (span.time(*event), *event)));
-            assert!(taken > 0 || !span.events.is_empty() || !told.triggers.is_empty(), "no progress");
-            piece = &piece[taken..];
-        }
-    }
-    told.counters = *decoder.counters();
-    told.now = decoder.now();
-    told
-}
 
 /// What every kernel tells of `bytes`.
 fn decode(geometry: Geometry, bytes: &[u8]) -> Told {
