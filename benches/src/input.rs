@@ -1,10 +1,13 @@
 //! What is measured on: a real EVT3 recording repeated in time, at word level, or the synthetic scene.
 
+use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
 use lobula_core::simulation::{self, Camera, SceneSpec};
-use lobula_core::wire::evt3;
+use lobula_core::wire::{Encoding, evt3};
 use lobula_core::{Block, Decode, Event, Geometry, Sink, Span, Window};
+
+use crate::wire::Wire;
 
 /// Events the decoder and filters are measured on.
 pub const EVENTS: usize = 20_000_000;
@@ -31,6 +34,8 @@ pub struct Scene {
     pub tensor_window: Window,
     /// Where it comes from, in words for the report.
     pub source: String,
+    /// The streams of the other formats, made when first asked for.
+    wires: [OnceCell<Wire>; Encoding::ALL.len()],
 }
 
 impl Scene {
@@ -64,7 +69,7 @@ impl Scene {
     fn new(bytes: Vec<u8>, geometry: Geometry, events: Vec<Event>, t_first: u64, source: String) -> Self {
         let times = events.iter().take(TENSOR_EVENTS).map(|e| lobula_core::full_time(t_first, e.t()));
         let tensor_window = Window { t0: t_first, t1: times.max().unwrap_or(t_first) };
-        Self { bytes, geometry, events, t_first, tensor_window, source }
+        Self { bytes, geometry, events, t_first, tensor_window, source, wires: Default::default() }
     }
 
     fn synthetic(events: usize) -> Result<Self, String> {
@@ -81,6 +86,22 @@ impl Scene {
         let t_first = all.first().map_or(0, |event| u64::from(event.t()));
         let source = format!("synthetic scene, since {RECORDING} is absent, {} events", all.len());
         Ok(Self::new(bytes, spec.geometry, all, t_first, source))
+    }
+
+    /// The stream of another format, of as many events.
+    ///
+    /// # Errors
+    /// A sentence, where its recording is there and cannot be used.
+    pub fn wire(&self, encoding: Encoding) -> Result<&Wire, String> {
+        let at = Encoding::ALL.iter().position(|other| *other == encoding);
+        let cell = at.and_then(|at| self.wires.get(at)).ok_or("a format without a name")?;
+        match cell.get() {
+            Some(wire) => Ok(wire),
+            None => {
+                let wire = Wire::load(encoding, self, self.events.len())?;
+                Ok(cell.get_or_init(|| wire))
+            }
+        }
     }
 
     /// The first `events` events as one block's worth.
@@ -108,9 +129,13 @@ pub fn block_of<'b>(packet: Span<'_>, buffer: &'b mut [Event]) -> Block<'b> {
 
 /// Where the recording is: `$LOBULA_SHARED/data`, else `../shared/data` beside the repository.
 pub fn recording() -> Option<PathBuf> {
+    file_of(RECORDING)
+}
+
+/// Where the recording of this name is, if it is there.
+pub fn file_of(name: &str) -> Option<PathBuf> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
-    let path =
-        std::env::var_os("LOBULA_SHARED").map_or_else(beside, PathBuf::from).join("data").join(RECORDING);
+    let path = std::env::var_os("LOBULA_SHARED").map_or_else(beside, PathBuf::from).join("data").join(name);
     path.exists().then_some(path)
 }
 
@@ -132,13 +157,18 @@ fn decode(bytes: &[u8], geometry: Geometry) -> Result<Vec<Event>, String> {
     Ok(events)
 }
 
-fn words_after_header(file: &[u8]) -> Vec<u16> {
+/// What follows a RAW file's header.
+pub fn body(file: &[u8]) -> &[u8] {
     let mut body = file;
     while body.first() == Some(&b'%') {
         let end = body.iter().position(|b| *b == b'\n').map_or(body.len(), |i| i + 1);
         body = &body[end..];
     }
-    body.as_chunks::<2>().0.iter().map(|word| u16::from_le_bytes(*word)).collect()
+    body
+}
+
+fn words_after_header(file: &[u8]) -> Vec<u16> {
+    body(file).as_chunks::<2>().0.iter().map(|word| u16::from_le_bytes(*word)).collect()
 }
 
 fn to_bytes(words: &[u16]) -> Vec<u8> {

@@ -10,3 +10,4 @@ pub mod contest;
 pub mod input;
 pub mod op;
 pub mod peers;
+pub mod wire;

@@ -89,7 +89,10 @@ fn row(line: &Line) -> String {
         (Some(ratio), Some(bar)) => format!("{bar}x {}", if ratio >= bar { "ok" } else { "below" }),
         _ => "-".into(),
     };
-    let way = line.peer_name.as_deref().unwrap_or("no peer: built without feature `peers`");
+    let way = line.peer_name.as_deref().unwrap_or(match cfg!(feature = "peers") {
+        true => "no peer",
+        false => "no peer: built without feature `peers`",
+    });
     format!(
         "{:<20} {:<9} {:<7} {:>9.2} {:>9} {:<6} {:>6}  {verdict:<10} {way}; {}",
         line.op,

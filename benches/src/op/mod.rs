@@ -1,6 +1,9 @@
 //! The operations measured: ours, and what makes the two sides' answers comparable. One file each.
 
 pub mod background_activity;
+pub mod decode;
+pub mod evt21_decode;
+pub mod evt2_decode;
 pub mod evt3_decode;
 pub mod hot_pixel;
 pub mod polarity;
@@ -21,6 +24,10 @@ use crate::peers::Library;
 pub enum Op {
     /// EVT3 bytes to events.
     Evt3Decode,
+    /// EVT 2.0 bytes to events.
+    Evt2Decode,
+    /// EVT 2.1 bytes to events.
+    Evt21Decode,
     /// Events to counts per pixel and polarity.
     Polarity,
     /// Events to a voxel grid of 5 bins.
@@ -37,8 +44,10 @@ pub enum Op {
 
 impl Op {
     /// Every operation, in the order of the report.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::Evt3Decode,
+        Self::Evt2Decode,
+        Self::Evt21Decode,
         Self::Polarity,
         Self::Voxel5,
         Self::TimeSurface,
@@ -51,6 +60,8 @@ impl Op {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Evt3Decode => evt3_decode::NAME,
+            Self::Evt2Decode => evt2_decode::NAME,
+            Self::Evt21Decode => evt21_decode::NAME,
             Self::Polarity => polarity::NAME,
             Self::Voxel5 => voxel5::NAME,
             Self::TimeSurface => time_surface::NAME,
@@ -71,6 +82,8 @@ impl Op {
     ) -> Result<Vec<Contest<'a>>, String> {
         match self {
             Self::Evt3Decode => evt3_decode::contests(scene, peer),
+            Self::Evt2Decode => evt2_decode::contests(scene, peer),
+            Self::Evt21Decode => evt21_decode::contests(scene, peer),
             Self::Polarity => polarity::contests(scene, peer),
             Self::Voxel5 => voxel5::contests(scene, peer),
             Self::TimeSurface => time_surface::contests(scene, peer),

@@ -13,11 +13,13 @@ use eventcv_core::representation::{
 };
 use eventcv_core::{EventStream, EventStreamBuilder};
 use lobula_core::Event;
+use lobula_core::wire::Encoding;
 
 use super::Library;
 use crate::contest::{Peer, Protocol, Work};
 use crate::input::{PACKET_EVENTS, Scene, TENSOR_EVENTS};
 use crate::op::{self, Op};
+use crate::wire::Wire;
 
 const MILLISECONDS_OF_A_MICROSECOND: f64 = 1e-3;
 /// Window of its lazy reader, in µs: what its own benches and the paper use.
@@ -44,7 +46,7 @@ struct EventCv {
 impl EventCv {
     fn new(scene: &Scene) -> Result<Self, String> {
         let size = (usize::from(scene.geometry.width), usize::from(scene.geometry.height));
-        let file = TemporaryFile::with_words(&scene.bytes)?;
+        let file = TemporaryFile::with_words("3.0", &scene.bytes)?;
         let source = open_raw_slice(&file.0, &options(size)).map_err(|e| e.to_string())?;
         let stream =
             decode_words(&scene.bytes, EvtVersion::Evt3, size.0, size.1).map_err(|e| e.to_string())?;
@@ -166,15 +168,27 @@ impl Library for EventCv {
             (Op::Polarity, Protocol::Stream) => self.polarity_stream(),
             (Op::Polarity | Op::Voxel5 | Op::TimeSurface, _) => vec![self.framed(op)],
             (Op::Refractory | Op::BackgroundActivity | Op::HotPixel, _) => vec![self.filtered(op, protocol)],
+            (Op::Evt2Decode | Op::Evt21Decode, _) => Vec::new(), // see `decoders`
         }
     }
 
+    fn decoders<'a>(&self, wire: &'a Wire, protocol: Protocol) -> Result<Vec<Peer<'a>>, String> {
+        match protocol {
+            Protocol::Whole => Ok(vec![peer(
+                "decode_words",
+                Box::new(move || evt2(wire).map_or(0, |stream| black_box(stream).len() as u64)),
+            )]),
+            Protocol::Stream => evt2_stream(wire),
+        }
+    }
+
+    fn decoded(&self, wire: &Wire) -> Option<Vec<Event>> {
+        (wire.encoding == Encoding::Evt2)
+            .then(|| evt2(wire).map(|stream| events_of(&stream)).unwrap_or_default())
+    }
+
     fn events(&self, op: Op) -> Vec<Event> {
-        let stream = self.kept(op);
-        stream
-            .iter()
-            .map(|e| Event::new(e.timestamp as u32, e.x as u16, e.y as u16, polarity(e.polarity)))
-            .collect()
+        events_of(&self.kept(op))
     }
 
     fn tensor(&self, op: Op) -> Vec<f32> {
@@ -184,6 +198,36 @@ impl Library for EventCv {
             _ => Vec::new(),
         }
     }
+}
+
+fn events_of(stream: &EventStream) -> Vec<Event> {
+    let event =
+        |e: eventcv_core::Event| Event::new(e.timestamp as u32, e.x as u16, e.y as u16, polarity(e.polarity));
+    stream.iter().map(event).collect()
+}
+
+fn size_of(wire: &Wire) -> (usize, usize) {
+    (wire.geometry.width.into(), wire.geometry.height.into())
+}
+
+fn evt2(wire: &Wire) -> Option<EventStream> {
+    let (width, height) = size_of(wire);
+    decode_words(&wire.bytes, EvtVersion::Evt2, width, height).ok()
+}
+
+/// Its reader, into packets used again. The file lives as long as the work.
+fn evt2_stream(wire: &Wire) -> Result<Vec<Peer<'_>>, String> {
+    let file = TemporaryFile::with_words("2.0", &wire.bytes)?;
+    let source = open_raw_slice(&file.0, &options(size_of(wire))).map_err(|e| e.to_string())?;
+    let (t0, t1) = source.time_span();
+    let mut packet = Packet::new();
+    let pushed: Work<'_> = Box::new(move || {
+        let _open = &file;
+        packet.total = 0;
+        let done = source.slice_time_into(t0, t1 + SLICE_US, &mut packet);
+        done.map_or(0, |()| packet.total)
+    });
+    Ok(vec![peer("slice_time_into a reused packet", pushed)])
 }
 
 /// What its reader pushes events into: one packet's columns, used again.
@@ -216,10 +260,14 @@ impl EventConsumer for Packet {
 struct TemporaryFile(PathBuf);
 
 impl TemporaryFile {
-    fn with_words(words: &[u8]) -> Result<Self, String> {
-        let path = std::env::temp_dir().join(format!("lobula-report-{}.raw", std::process::id()));
+    fn with_words(version: &str, words: &[u8]) -> Result<Self, String> {
+        let path = std::env::temp_dir().join(format!(
+            "lobula-report-{}-evt{version}-{:p}.raw",
+            std::process::id(),
+            words
+        ));
         let file = Self(path);
-        let content = [b"% evt 3.0\n".as_slice(), words].concat();
+        let content = [format!("% evt {version}\n").as_bytes(), words].concat();
         std::fs::write(&file.0, content).map_err(|e| format!("{}: {e}", file.0.display()))?;
         Ok(file)
     }

@@ -4,6 +4,7 @@ use lobula_core::Event;
 
 use crate::contest::{Peer, Protocol};
 use crate::op::Op;
+use crate::wire::Wire;
 
 #[cfg_attr(feature = "peers", path = "eventcv.rs")]
 #[cfg_attr(not(feature = "peers"), path = "absent.rs")]
@@ -18,6 +19,15 @@ pub trait Library {
 
     /// The events it decodes, or keeps; times modulo 2^32. Empty for an operation that gives a tensor.
     fn events(&self, op: Op) -> Vec<Event>;
+
+    /// Its ways of decoding a stream of a format beside EVT3.
+    ///
+    /// # Errors
+    /// A sentence, where it cannot open the stream.
+    fn decoders<'a>(&self, wire: &'a Wire, protocol: Protocol) -> Result<Vec<Peer<'a>>, String>;
+
+    /// The events it decodes of such a stream; `None` where it does not know the format.
+    fn decoded(&self, wire: &Wire) -> Option<Vec<Event>>;
 
     /// The tensor it builds. Empty for an operation that gives events.
     fn tensor(&self, op: Op) -> Vec<f32>;
