@@ -60,6 +60,29 @@ pub fn median(times: &mut [Duration]) -> Duration {
     times.get(times.len().saturating_sub(1) / 2).copied().unwrap_or_default()
 }
 
+/// Time of all cores at a moment, in the kernel's ticks.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Stolen {
+    stolen: u64,
+    all: u64,
+}
+
+/// What a hypervisor has kept from this machine's cores so far.
+pub fn stolen() -> Stolen {
+    let stat = std::fs::read_to_string("/proc/stat").unwrap_or_default();
+    let cores = stat.lines().next().unwrap_or_default();
+    let ticks: Vec<u64> = cores.split_whitespace().skip(1).take(8).map(|n| n.parse().unwrap_or(0)).collect();
+    Stolen { stolen: ticks.get(7).copied().unwrap_or_default(), all: ticks.iter().sum() }
+}
+
+impl Stolen {
+    /// Share of it since then, in percent.
+    pub fn until_now(self) -> f64 {
+        let now = stolen();
+        100.0 * now.stolen.saturating_sub(self.stolen) as f64 / now.all.saturating_sub(self.all).max(1) as f64
+    }
+}
+
 /// The processor's name as Linux tells it.
 pub fn machine() -> String {
     let cpuinfo = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();

@@ -23,6 +23,10 @@ pub struct Mark {
     pub packets: u64,
     /// Windows published, of all views: each took one loan.
     pub windows: u64,
+    /// Packets that the views did not get since they were behind.
+    pub views_missed: u64,
+    /// Packets of the source that were taken over 10 ms late.
+    pub behind: u64,
 }
 
 /// Work of the pipeline.
@@ -64,7 +68,9 @@ pub fn role(args: &[String]) -> Outcome<()> {
         let allocations = allocations::by_thread();
         let status = client.status()?;
         let windows = status.views.iter().map(|view| view.published).sum();
-        println!("{}", serde_json::to_string(&Mark { allocations, packets: status.packets, windows })?);
+        let (packets, views_missed, behind) = (status.packets, status.views_missed, status.behind);
+        let mark = Mark { allocations, packets, windows, views_missed, behind };
+        println!("{}", serde_json::to_string(&mark)?);
     }
     drop(client);
     daemon.stop();

@@ -24,6 +24,7 @@ struct Row {
 /// What the daemon allocated while it was measured.
 struct Allocated {
     rate_evs: u32,
+    wait: Wait,
     work: Work,
     from: Mark,
     to: Mark,
@@ -33,6 +34,7 @@ struct Allocated {
 pub fn all(seconds: u64, rates_evs: &[u32]) -> Outcome<()> {
     println!("{}, {}; {seconds} s a case, 1 ms packets, {}\n", clock::machine(), clock::today(), load());
     let mut rows = Vec::new();
+    let before = clock::stolen();
     let mut allocated = Vec::new();
     let mut per_loan = 0.0f64;
     for &rate_evs in rates_evs {
@@ -43,12 +45,17 @@ pub fn all(seconds: u64, rates_evs: &[u32]) -> Outcome<()> {
             for work in Work::ALL {
                 let (seen, from, to) = measure(rate_evs, wait, work, seconds)?;
                 rows.push(Row { rate_evs, wait, what: work.name(), seen });
-                allocated.push(Allocated { rate_evs, work, from, to });
+                allocated.push(Allocated { rate_evs, wait, work, from, to });
             }
         }
     }
     print_latency(&rows);
+    println!(
+        "The hypervisor took {:.1} % of the cores' time from this machine meanwhile.\n",
+        before.until_now()
+    );
     print_stages(&rows);
+    print_kept_up(&allocated);
     print_allocations(&allocated, per_loan);
     if rates_evs.contains(&BAR_RATE_EVS) {
         print_bars(&rows);
@@ -136,6 +143,28 @@ fn print_stages(rows: &[Row]) {
     println!();
 }
 
+/// Whether the daemon was quick enough.
+fn print_kept_up(allocated: &[Allocated]) {
+    println!("What the daemon did meanwhile:\n");
+    println!(
+        "| Mev/s | client | daemon | packets | of the source's, over 10 ms late | windows | packets missed by views |"
+    );
+    println!("|---:|---|---|---:|---:|---:|---:|");
+    for Allocated { rate_evs, wait, work, from, to } in allocated {
+        println!(
+            "| {} | {} | {} | {} | {} | {} | {} |",
+            mevs(*rate_evs),
+            wait.name(),
+            work.name(),
+            to.packets - from.packets,
+            to.behind - from.behind,
+            to.windows - from.windows,
+            to.views_missed - from.views_missed,
+        );
+    }
+    println!();
+}
+
 /// Allocations of the threads that a packet goes through; iceoryx2 allocates for each loan, and the floor says how often.
 fn print_allocations(allocated: &[Allocated], per_loan: f64) {
     println!("Allocations for a packet after start-up (iceoryx2 by itself: {per_loan:.2} a loan):\n");
@@ -143,7 +172,7 @@ fn print_allocations(allocated: &[Allocated], per_loan: f64) {
         "| Mev/s | daemon | source | pipeline, for a packet | ours of it | views, for a window | ours of it |"
     );
     println!("|---:|---|---:|---:|---:|---:|---:|");
-    for Allocated { rate_evs, work, from, to } in allocated {
+    for Allocated { rate_evs, work, from, to, .. } in allocated {
         let grown = |name: &str| {
             let of = |mark: &Mark| mark.allocations.get(name).copied().unwrap_or_default();
             of(to).saturating_sub(of(from)) as f64
