@@ -1,9 +1,10 @@
-//! What the operations that build a tensor share.
+//! What the operations that build a tensor share. Tensors and maps are plain `Vec`s, as in the chain and for its users:
+//! no large pages on our side that the peer does not have.
 
 use std::hint::black_box;
 
+use bytemuck::Zeroable;
 use lobula_core::Representation;
-use lobula_formats::LargeArray;
 
 use super::Op;
 use crate::contest::{Contest, Protocol, Unit, Work};
@@ -38,7 +39,7 @@ impl Tensor {
         R::Pixel: Into<f32>,
     {
         if let Some(peer) = peer {
-            self.same(&build(scene, &mut make())?, &peer.tensor(self.op))?;
+            self.same(&build(scene, &mut make()), &peer.tensor(self.op))?;
         }
         let contest = |protocol, ours, bar| Contest {
             op: self.op.name(),
@@ -54,7 +55,7 @@ impl Tensor {
         };
         Ok(vec![
             contest(Protocol::Whole, whole(scene, make), 2.0),
-            contest(Protocol::Stream, stream(scene, make())?, self.bar_stream),
+            contest(Protocol::Stream, stream(scene, make()), self.bar_stream),
         ])
     }
 
@@ -76,10 +77,15 @@ impl Tensor {
 }
 
 /// A fresh tensor of the scene's events, packet by packet.
-fn build<R: Representation>(scene: &Scene, representation: &mut R) -> Result<LargeArray<R::Pixel>, String> {
-    let mut out = LargeArray::zeroed(representation.shape().len()).map_err(|e| e.to_string())?;
+fn build<R: Representation>(scene: &Scene, representation: &mut R) -> Vec<R::Pixel> {
+    let mut out = fresh(representation);
     fill(scene, representation, &mut out);
-    Ok(out)
+    out
+}
+
+/// Memory for a tensor.
+fn fresh<R: Representation>(representation: &R) -> Vec<R::Pixel> {
+    vec![R::Pixel::zeroed(); representation.shape().len()]
 }
 
 /// Fills `out` and returns how many events went into it.
@@ -99,7 +105,7 @@ fn fill<R: Representation>(scene: &Scene, representation: &mut R, out: &mut [R::
 fn whole<'a, R: Representation>(scene: &'a Scene, make: impl Fn() -> R + 'a) -> Work<'a> {
     Box::new(move || {
         let mut representation = make();
-        let Ok(mut out) = LargeArray::<R::Pixel>::zeroed(representation.shape().len()) else { return 0 };
+        let mut out = fresh(&representation);
         let span = scene.span(TENSOR_EVENTS);
         representation.begin(scene.tensor_window, &mut out);
         let done = representation.accumulate(span, &mut out);
@@ -110,11 +116,11 @@ fn whole<'a, R: Representation>(scene: &'a Scene, make: impl Fn() -> R + 'a) -> 
 }
 
 /// A packet at a time, into a tensor and state used again.
-fn stream<'a, R: Representation + 'a>(scene: &'a Scene, mut representation: R) -> Result<Work<'a>, String> {
-    let mut out = build(scene, &mut representation)?;
-    Ok(Box::new(move || {
+fn stream<'a, R: Representation + 'a>(scene: &'a Scene, mut representation: R) -> Work<'a> {
+    let mut out = build(scene, &mut representation);
+    Box::new(move || {
         let events = fill(scene, &mut representation, &mut out);
         black_box(&out);
         events
-    }))
+    })
 }

@@ -1,7 +1,6 @@
 //! Events to a decayed time surface per polarity.
 
 use lobula_core::representation::TimeSurface;
-use lobula_formats::LargeArray;
 
 use super::Op;
 use super::tensor::Tensor;
@@ -15,7 +14,7 @@ pub const NAME: &str = "time_surface";
 /// Decay in µs.
 pub const TAU_US: u32 = 30_000;
 
-type Surface = TimeSurface<f32, LargeArray<u32>>;
+type Surface = TimeSurface<f32, Vec<u32>>;
 
 /// The operation's contests.
 ///
@@ -34,6 +33,6 @@ pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<V
 }
 
 fn surface(scene: &Scene) -> Result<Surface, String> {
-    let map = LargeArray::zeroed(Surface::state_len(scene.geometry)).map_err(|e| e.to_string())?;
+    let map = vec![0; Surface::state_len(scene.geometry)];
     Surface::try_new(scene.geometry, TAU_US, map).map_err(|e| e.to_string())
 }

@@ -1,9 +1,17 @@
-//! Where events go in a tensor.
+//! Where events go in a tensor, and how many are on their way there at once.
 
+use crate::prefetch::prefetch;
 use crate::{Event, Geometry};
 
-/// How many indices are worked out together, so that the compiler does so with vectors.
-const GROUP: usize = 64;
+/// Events whose indices are worked out together: with vectors, and few enough that no loop is left of it.
+const GROUP: usize = 16;
+
+/// Groups whose elements are fetched before the first of them is drawn.
+///
+/// Nearly every event goes to another cache line. With this many on their way polarity histograms took 0.7 and voxel
+/// grids 0.83 of the time of one group of 64 drawn at once; 32 to 128 events are alike (Sapphire Rapids, 1280x720,
+/// 2026-11).
+const AHEAD: usize = 4;
 
 /// How the elements of a tensor are numbered.
 #[derive(Clone, Copy, Debug)]
@@ -34,50 +42,99 @@ impl Places {
     }
 }
 
-/// Hands the index of each event to `each`, in order.
-#[inline(always)]
-pub(super) fn for_each(events: &[Event], places: Places, mut each: impl FnMut(usize)) {
-    for_each_with(events, places, |_| (), |at, ()| each(at));
+/// What an event does to a tensor.
+pub(super) trait Draw {
+    /// An element of the tensor.
+    type Pixel;
+    /// What is known of an event before the tensor is touched.
+    type Value: Copy + Default;
+
+    /// Works that out. `at` is the index of the event's element, and may be moved to another plane.
+    fn prepare(&self, event: Event, at: &mut u32) -> Self::Value;
+
+    /// Says what [`draw`](Self::draw) will touch: the element and no other, if nothing else is said.
+    #[inline(always)]
+    fn look_ahead(&self, out: &[Self::Pixel], at: usize) {
+        prefetch(out, at);
+    }
+
+    /// Changes the tensor. `at` may lie beyond it.
+    fn draw(&mut self, out: &mut [Self::Pixel], at: usize, value: Self::Value);
 }
 
-/// Prepares each event, by groups, then hands what came of it to `each`, in order: the index and a value.
-///
-/// Indices that are known ahead let the processor wait for many misses of the cache at once.
+/// Draws events, in order.
 #[inline(always)]
-pub(super) fn for_each_with<T: Copy + Default>(
-    events: &[Event],
-    places: Places,
-    prepare: impl Fn(Event) -> T,
-    mut each: impl FnMut(usize, T),
-) {
-    let (mut indices, mut values) = ([0; GROUP], [T::default(); GROUP]);
-    for group in events.chunks(GROUP) {
-        group::indices(places, group, &mut indices);
-        for (value, event) in values.iter_mut().zip(group) {
-            *value = prepare(*event);
+pub(super) fn draw_each<D: Draw>(events: &[Event], places: Places, out: &mut [D::Pixel], drawing: &mut D) {
+    let (groups, rest) = events.as_chunks::<GROUP>();
+    let (first, others) = groups.split_at_checked(AHEAD).unwrap_or((groups, &[]));
+    let mut queue = [Group::<D::Value>::default(); AHEAD];
+    for (waiting, group) in queue.iter_mut().zip(first) {
+        waiting.prepare(group, places, out, drawing);
+    }
+    for groups in others.chunks(AHEAD) {
+        for (waiting, group) in queue.iter_mut().zip(groups) {
+            waiting.draw(out, drawing);
+            waiting.prepare(group, places, out, drawing);
         }
-        // Slices of one length, so that one counter runs over both.
-        let indices = indices.get(..group.len()).unwrap_or_default();
-        let values = values.get(..group.len()).unwrap_or_default();
-        for (index, value) in indices.iter().zip(values) {
-            each(*index as usize, *value);
+    }
+    let (newer, older) = queue.split_at(others.len() % AHEAD);
+    for waiting in older.iter().chain(newer).take(first.len()) {
+        waiting.draw(out, drawing);
+    }
+    for event in rest {
+        let mut at = places.of(*event);
+        let value = drawing.prepare(*event, &mut at);
+        drawing.draw(out, at as usize, value);
+    }
+}
+
+/// Events on their way: where they go, and what is known of them.
+#[derive(Clone, Copy, Default)]
+struct Group<T> {
+    indices: [u32; GROUP],
+    values: [T; GROUP],
+}
+
+impl<T: Copy + Default> Group<T> {
+    #[inline(always)]
+    fn prepare<D: Draw<Value = T>>(
+        &mut self,
+        events: &[Event; GROUP],
+        places: Places,
+        out: &[D::Pixel],
+        drawing: &D,
+    ) {
+        indices(places, events, &mut self.indices);
+        for (value, (at, event)) in self.values.iter_mut().zip(self.indices.iter_mut().zip(events)) {
+            *value = drawing.prepare(*event, at);
+        }
+        for at in self.indices {
+            drawing.look_ahead(out, at as usize);
+        }
+    }
+
+    #[inline(always)]
+    fn draw<D: Draw<Value = T>>(&self, out: &mut [D::Pixel], drawing: &mut D) {
+        for (at, value) in self.indices.iter().zip(&self.values) {
+            drawing.draw(out, *at as usize, *value);
         }
     }
 }
 
 #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
 #[path = "index/sse2.rs"]
-mod group;
+mod sse2;
+#[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+use sse2::indices;
 
 #[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
-mod group {
-    use super::{Event, Places};
+use one_by_one as indices;
 
-    #[inline(always)]
-    pub(super) fn indices(places: Places, events: &[Event], out: &mut [u32]) {
-        for (event, out) in events.iter().zip(out) {
-            *out = places.of(*event);
-        }
+/// Writes the index of each event to `out`.
+#[inline(always)]
+fn one_by_one(places: Places, events: &[Event; GROUP], out: &mut [u32; GROUP]) {
+    for (event, out) in events.iter().zip(out) {
+        *out = places.of(*event);
     }
 }
 
@@ -86,8 +143,24 @@ mod tests {
     use super::*;
     use crate::Polarity;
 
+    /// Writes down where events go and when.
+    struct Trace(Vec<(u32, u32)>);
+
+    impl Draw for Trace {
+        type Pixel = ();
+        type Value = u32;
+
+        fn prepare(&self, event: Event, _: &mut u32) -> u32 {
+            event.t()
+        }
+
+        fn draw(&mut self, _: &mut [()], at: usize, t: u32) {
+            self.0.push((at as u32, t));
+        }
+    }
+
     #[test]
-    fn groups_give_the_indices_of_their_events() {
+    fn events_are_drawn_in_order_at_their_indices() {
         for (width, height) in [(1, 1), (5, 3), (1280, 720), (32767, 32768), (40000, 32768), (65535, 32768)] {
             let geometry = Geometry::new(width, height);
             let at = |i: u32| {
@@ -100,10 +173,14 @@ mod tests {
                 corners.flat_map(|(x, y)| [Polarity::On, Polarity::Off].map(|p| Event::new(0, x, y, p)));
             let events: Vec<Event> = corners.chain((0..333).map(at)).collect();
             for places in [Places::by_pixel(geometry), Places::by_polarity(geometry)] {
-                let mut found = Vec::new();
-                for_each_with(&events, places, |event| event.t(), |index, t| found.push((index as u32, t)));
-                let expected: Vec<_> = events.iter().map(|event| (places.of(*event), event.t())).collect();
-                assert_eq!(found, expected, "{geometry}");
+                for len in (0..=2 * GROUP * (AHEAD + 1)).chain([events.len()]) {
+                    let events = &events[events.len() - len..];
+                    let mut trace = Trace(Vec::new());
+                    draw_each(events, places, &mut [], &mut trace);
+                    let expected: Vec<_> =
+                        events.iter().map(|event| (places.of(*event), event.t())).collect();
+                    assert_eq!(trace.0, expected, "{geometry}, {len} events");
+                }
             }
         }
     }

@@ -1,7 +1,12 @@
 //! The types of a tensor's elements.
 
+use core::marker::PhantomData;
+
 use bytemuck::Pod;
 use half::f16;
+
+use crate::Event;
+use crate::representation::index::Draw;
 
 /// Type of a tensor's element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -47,9 +52,8 @@ pub trait Pixel: Pod + PartialEq + core::fmt::Debug + sealed::Sealed {
 
 /// An element that counts. Sealed.
 pub trait Tally: Pixel {
-    /// Counts one more; false, and nothing is done, where it can count no further.
-    #[must_use]
-    fn count(&mut self) -> bool;
+    /// Counts one more; where it can count no further, `saturated` does.
+    fn count(&mut self, saturated: &mut u64);
 }
 
 /// An element that holds a share, from 0 to 1. Sealed.
@@ -83,31 +87,66 @@ impl Pixel for f32 {
 }
 
 impl Tally for u8 {
+    /// Adds first and looks then: one instruction does both in memory.
     #[inline(always)]
-    fn count(&mut self) -> bool {
-        let Some(more) = self.checked_add(1) else { return false };
+    fn count(&mut self, saturated: &mut u64) {
+        let (more, full) = self.overflowing_add(1);
         *self = more;
-        true
+        if full {
+            *self = Self::MAX;
+            *saturated += 1;
+        }
     }
 }
 
 impl Tally for u16 {
+    /// Adds first and looks then: one instruction does both in memory.
     #[inline(always)]
-    fn count(&mut self) -> bool {
-        let Some(more) = self.checked_add(1) else { return false };
+    fn count(&mut self, saturated: &mut u64) {
+        let (more, full) = self.overflowing_add(1);
         *self = more;
-        true
+        if full {
+            *self = Self::MAX;
+            *saturated += 1;
+        }
     }
 }
 
 impl Tally for f32 {
     /// Exact up to 2^24, where it stays.
     #[inline(always)]
-    fn count(&mut self) -> bool {
+    fn count(&mut self, saturated: &mut u64) {
         let more = *self + 1.0;
-        let counted = more != *self;
+        *saturated += u64::from(more == *self);
         *self = more;
-        counted
+    }
+}
+
+/// Counts events, each at its pixel.
+pub(super) struct Counting<P> {
+    /// Events that no pixel could count.
+    pub(super) saturated: u64,
+    pixel: PhantomData<P>,
+}
+
+impl<P> Default for Counting<P> {
+    fn default() -> Self {
+        Self { saturated: 0, pixel: PhantomData }
+    }
+}
+
+impl<P: Tally> Draw for Counting<P> {
+    type Pixel = P;
+    type Value = ();
+
+    #[inline(always)]
+    fn prepare(&self, _: Event, _: &mut u32) {}
+
+    #[inline(always)]
+    fn draw(&mut self, out: &mut [P], at: usize, (): ()) {
+        if let Some(cell) = out.get_mut(at) {
+            cell.count(&mut self.saturated);
+        }
     }
 }
 

@@ -2,7 +2,9 @@
 
 use core::marker::PhantomData;
 
-use crate::representation::{BadRepresentation, Build, Parameters, Tally, check, index, index::Places};
+use crate::representation::index::{Places, draw_each};
+use crate::representation::pixel::Counting;
+use crate::representation::{BadRepresentation, Build, Parameters, Tally, check};
 use crate::vector::widest;
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
@@ -65,13 +67,9 @@ impl<P: Tally> Representation for PolarityHistogram<P> {
 /// Counts events; returns how many could not be.
 #[inline(always)]
 fn add<P: Tally>(geometry: Geometry, events: &[Event], out: &mut [P]) -> u64 {
-    let mut saturated = 0;
-    index::for_each(events, Places::by_polarity(geometry), |at| {
-        if out.get_mut(at).is_some_and(|cell| !cell.count()) {
-            saturated += 1;
-        }
-    });
-    saturated
+    let mut counting = Counting::default();
+    draw_each(events, Places::by_polarity(geometry), out, &mut counting);
+    counting.saturated
 }
 
 impl<P: Tally, S> Build<S> for PolarityHistogram<P> {

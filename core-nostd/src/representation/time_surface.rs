@@ -6,7 +6,8 @@
 use core::marker::PhantomData;
 
 use crate::math::exp;
-use crate::representation::{BadRepresentation, Build, Parameters, Real, check, index, index::Places};
+use crate::representation::index::{Draw, Places, draw_each};
+use crate::representation::{BadRepresentation, Build, Parameters, Real, check};
 use crate::vector::widest;
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
@@ -121,7 +122,7 @@ impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> Representation for TimeSurface<P, 
         let (geometry, window, map) = (self.geometry, self.window, self.map.as_mut());
         widest(
             #[inline(always)]
-            || stamp(geometry, window, span.events, map),
+            || draw_each(span.events, Places::by_polarity(geometry), map, &mut Stamping::new(window)),
         );
         Ok(())
     }
@@ -136,20 +137,35 @@ impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> Representation for TimeSurface<P, 
 }
 
 /// Notes the times of events, as far as they lie in the window.
-#[inline(always)]
-fn stamp(geometry: Geometry, window: Window, events: &[Event], map: &mut [u32]) {
-    let t0 = window.t0 as u32;
-    let length = window.t1.saturating_sub(window.t0).min(OLD_US.into()) as i32;
-    let prepare = |event: Event| {
-        let since = (event.t().wrapping_sub(t0) as i32).max(0).min(length);
-        t0.wrapping_add(since as u32)
-    };
-    index::for_each_with(events, Places::by_polarity(geometry), prepare, |at, stamp| {
+struct Stamping {
+    t0: u32,
+    length: i32,
+}
+
+impl Stamping {
+    fn new(window: Window) -> Self {
+        let length = window.t1.saturating_sub(window.t0).min(OLD_US.into()) as i32;
+        Self { t0: window.t0 as u32, length }
+    }
+}
+
+impl Draw for Stamping {
+    type Pixel = u32;
+    type Value = u32;
+
+    #[inline(always)]
+    fn prepare(&self, event: Event, _: &mut u32) -> u32 {
+        let since = (event.t().wrapping_sub(self.t0) as i32).max(0).min(self.length);
+        self.t0.wrapping_add(since as u32)
+    }
+
+    #[inline(always)]
+    fn draw(&mut self, map: &mut [u32], at: usize, stamp: u32) {
         // Stores that miss the cache wait for each other, loads do not: hence the look before.
         if let Some(last) = map.get_mut(at).filter(|last| **last != stamp) {
             *last = stamp;
         }
-    });
+    }
 }
 
 /// exp(-age / tau) of each time in the map.

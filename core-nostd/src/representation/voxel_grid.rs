@@ -3,7 +3,9 @@
 //! Source: Zhu et al., Unsupervised Event-based Learning of Optical Flow, Depth, and Egomotion, CVPR 2019, section 3.1,
 //! with the window's bounds in place of the first and last event's times.
 
-use crate::representation::{BadRepresentation, Build, Parameters, check, index, index::Places};
+use crate::prefetch::prefetch;
+use crate::representation::index::{Draw, Places, draw_each};
+use crate::representation::{BadRepresentation, Build, Parameters, check};
 use crate::vector::widest;
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
@@ -109,24 +111,42 @@ impl Representation for VoxelGrid {
 /// Adds events to the two bins around each.
 #[inline(always)]
 fn add(geometry: Geometry, clock: Clock, events: &[Event], out: &mut [f32]) {
-    let pixels = geometry.pixels();
-    let prepare = |event: Event| {
-        let (bin, share) = clock.bin(event);
+    draw_each(events, Places::by_pixel(geometry), out, &mut Sharing { clock, pixels: geometry.pixels() });
+}
+
+/// Shares each event between two bins.
+struct Sharing {
+    clock: Clock,
+    pixels: usize,
+}
+
+impl Draw for Sharing {
+    type Pixel = f32;
+    type Value = [f32; 2];
+
+    #[inline(always)]
+    fn prepare(&self, event: Event, at: &mut u32) -> [f32; 2] {
+        let (bin, share) = self.clock.bin(event);
+        *at = at.wrapping_add(bin.wrapping_mul(self.pixels as u32));
         let off = !event.on_mask() & SIGN_BIT;
-        (
-            bin.wrapping_mul(pixels as u32),
-            [1.0 - share, share].map(|weight| f32::from_bits(weight.to_bits() ^ off)),
-        )
-    };
-    index::for_each_with(events, Places::by_pixel(geometry), prepare, |at, (plane, [low, high])| {
-        let at = at + plane as usize;
+        [1.0 - share, share].map(|weight| f32::from_bits(weight.to_bits() ^ off))
+    }
+
+    #[inline(always)]
+    fn look_ahead(&self, out: &[f32], at: usize) {
+        prefetch(out, at);
+        prefetch(out, at + self.pixels);
+    }
+
+    #[inline(always)]
+    fn draw(&mut self, out: &mut [f32], at: usize, [low, high]: [f32; 2]) {
         if let Some(cell) = out.get_mut(at) {
             *cell += low;
         }
-        if let Some(cell) = out.get_mut(at + pixels) {
+        if let Some(cell) = out.get_mut(at + self.pixels) {
             *cell += high;
         }
-    });
+    }
 }
 
 impl<S> Build<S> for VoxelGrid {

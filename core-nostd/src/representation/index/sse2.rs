@@ -4,24 +4,20 @@
 
 use core::arch::x86_64::*;
 
-use super::{Event, Places};
+use super::{Event, GROUP, Places, one_by_one};
 
 /// Columns and widths from here on are negative to that instruction.
 const WIDTH_END: u16 = 1 << 15;
 
-/// Writes the index of each event to the start of `out`.
+/// Writes the index of each event to `out`.
 #[inline(always)]
-pub(super) fn indices(places: Places, events: &[Event], out: &mut [u32]) {
-    let narrow = if places.width < WIDTH_END { events } else { &[] };
-    let (fours, _) = narrow.as_chunks::<4>();
-    for (four, out) in fours.iter().zip(out.as_chunks_mut::<4>().0) {
+pub(super) fn indices(places: Places, events: &[Event; GROUP], out: &mut [u32; GROUP]) {
+    if places.width >= WIDTH_END {
+        return one_by_one(places, events, out);
+    }
+    for (four, out) in events.as_chunks::<4>().0.iter().zip(out.as_chunks_mut::<4>().0) {
         // SAFETY: this file is only compiled where SSE2 is there.
         *out = unsafe { four_indices(places, *four) };
-    }
-    let done = fours.len() * 4;
-    let rest = events.get(done..).unwrap_or_default();
-    for (event, out) in rest.iter().zip(out.get_mut(done..).unwrap_or_default()) {
-        *out = places.of(*event);
     }
 }
 
