@@ -60,6 +60,13 @@ impl Faults {
         }
     }
 
+    /// Counts those of another part of the stream too.
+    pub fn add(&mut self, other: &Self) {
+        for (own, other) in self.0.iter_mut().zip(other.0) {
+            *own = own.saturating_add(other);
+        }
+    }
+
     /// How many of this kind.
     pub fn get(&self, fault: Fault) -> u64 {
         self.0.get(fault as usize).copied().unwrap_or_default()
@@ -101,5 +108,15 @@ impl Counters {
             triggers: 0,
             faults: Faults::new(),
         }
+    }
+
+    /// Counts what was done with another part of the stream too.
+    pub fn add(&mut self, other: &Self) {
+        self.bytes_decoded = self.bytes_decoded.saturating_add(other.bytes_decoded);
+        self.bytes_faulty = self.bytes_faulty.saturating_add(other.bytes_faulty);
+        self.events = self.events.saturating_add(other.events);
+        self.off_sensor = self.off_sensor.saturating_add(other.off_sensor);
+        self.triggers = self.triggers.saturating_add(other.triggers);
+        self.faults.add(&other.faults);
     }
 }

@@ -20,6 +20,8 @@ mod check;
 mod container;
 mod copy;
 mod dat;
+#[cfg(feature = "ros")]
+mod db3;
 mod digest;
 mod error;
 mod index;
@@ -28,11 +30,17 @@ mod input;
 mod intake;
 mod large;
 mod limits;
+#[cfg(feature = "ros")]
+mod mcap;
 mod nmnist;
 mod open;
 mod output;
 mod raw;
 mod recording;
+#[cfg(feature = "ros")]
+mod ros;
+#[cfg(feature = "ros")]
+mod rosbag;
 mod stream;
 mod wrap;
 mod write;

@@ -11,10 +11,17 @@ pub struct Limits {
     pub sensor_side_px_max: u16,
     /// Most memory of a recording's index, in bytes: a longer recording gets a coarser index. Default: 8 MiB.
     pub index_bytes_max: usize,
+    /// Largest packed chunk once unpacked, and largest message of frames, in bytes. Default: 32 MiB.
+    pub chunk_bytes_max: usize,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { header_bytes_max: 64 << 10, sensor_side_px_max: 8192, index_bytes_max: 8 << 20 }
+        Self {
+            header_bytes_max: 64 << 10,
+            sensor_side_px_max: 8192,
+            index_bytes_max: 8 << 20,
+            chunk_bytes_max: 32 << 20,
+        }
     }
 }

@@ -10,7 +10,17 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Every format: the one list. A format is a module and a line here.
-pub static FORMATS: &[Format] = &[dat::FORMAT, raw::FORMAT, nmnist::FORMAT];
+pub static FORMATS: &[Format] = &[
+    dat::FORMAT,
+    raw::FORMAT,
+    #[cfg(feature = "ros")]
+    crate::rosbag::FORMAT,
+    #[cfg(feature = "ros")]
+    crate::mcap::FORMAT,
+    #[cfg(feature = "ros")]
+    crate::db3::FORMAT,
+    nmnist::FORMAT,
+];
 
 /// A format of recordings.
 #[derive(Debug)]

@@ -32,6 +32,11 @@ pub const SAMPLES: &[Sample] = &[
     sample("evt3_gen41_1280x720.raw"),
     sample("evt3_trigger_1280x720.raw"),
     sample("dat_ncars.dat"),
+    sample("rosbag_dvs_msgs.bag"),
+    sample("rosbag_dvs_msgs_bz2.bag"),
+    sample("rosbag_dvs_msgs_lz4.bag"),
+    sample("mcap_libcaer_cmp_davis346.mcap"),
+    sample("rosbag2_evt3_trigger.db3"),
 ];
 
 /// Those that hold a camera's bytes in order.
@@ -103,6 +108,17 @@ fn the_payload_decodes_to_the_blocks() {
 fn trigger_words(payload: &[u8]) -> Vec<(u8, bool)> {
     let words = payload.as_chunks().0.iter().map(|word| u16::from_le_bytes(*word));
     words.filter(|word| word >> 12 == 0xA).map(|word| ((word >> 8 & 0xF) as u8, word & 1 == 1)).collect()
+}
+
+/// The same recording, once the camera's bytes and once in messages.
+#[test]
+fn triggers_of_messages_are_those_of_the_bytes() {
+    let (Some(raw), Some(bag)) = (data("evt3_trigger_1280x720.raw"), data("rosbag2_evt3_trigger.db3")) else {
+        return;
+    };
+    let [raw, bag] = [raw, bag].map(|path| super::everything(open(path).unwrap().blocks()));
+    assert!(!bag.triggers.is_empty());
+    assert_eq!((bag.triggers, bag.places), (raw.triggers, raw.places));
 }
 
 #[test]

@@ -1,0 +1,197 @@
+//! `dvs_msgs/EventArray`: an array of events, as the drivers of ROS 1 send it; `prophesee_event_msgs` and
+//! `dv_ros_msgs` have the same under their own names.
+//!
+//! Spec: <https://github.com/uzh-rpg/rpg_dvs_ros/tree/master/dvs_msgs/msg>
+//!
+//! ```text
+//! header, u32 height, u32 width, u32 count, events
+//! event, ROS 1   u16 x, u16 y, u32 s, u32 ns, u8 p: 13 bytes
+//! event, CDR     the same, x at even bytes, s at multiples of 4: 13 bytes the first, 16 with padding each after it
+//! ```
+
+use super::fields::{Fields, Wire};
+use crate::byte_cursor::{Bad, Step};
+use crate::intake::{Intake, Taken};
+use lobula_core::{Event, Fault, Geometry, Polarity, SPAN_MAX_US, Sink};
+
+/// Bytes of an event, without padding.
+const EVENT_BYTES: usize = 13;
+/// Bytes of an event of CDR with the padding before it.
+const PADDED_BYTES: usize = 16;
+
+/// What comes before the events.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Head {
+    /// Columns and rows of the sensor.
+    pub size: [u32; 2],
+    /// Number of events.
+    pub events: u32,
+    /// Bytes of the head.
+    pub bytes: usize,
+}
+
+impl Head {
+    pub fn parse(message: &[u8], wire: Wire) -> Option<Self> {
+        let mut fields = Fields::new(message, wire)?;
+        fields.header()?;
+        let (height, width) = (fields.u32()?, fields.u32()?);
+        let events = fields.u32()?;
+        Some(Self { size: [width, height], events, bytes: fields.offset() })
+    }
+}
+
+/// Decodes the events of one message after the other.
+#[derive(Clone, Debug)]
+pub(crate) struct EventArrays {
+    pub intake: Intake,
+    shift_us: i64,
+    wire: Wire,
+    /// Events of this message still to come.
+    left: u32,
+    /// Whether the next is the first of its message.
+    first: bool,
+}
+
+impl EventArrays {
+    pub fn new(intake: Intake, shift_us: i64, wire: Wire) -> Self {
+        Self { intake, shift_us, wire, left: 0, first: false }
+    }
+
+    /// Begins with the events of a message of `bytes` bytes; false where these are not as many as it says.
+    pub fn begin(&mut self, head: Head, bytes: u64) -> bool {
+        let events = u64::from(head.events);
+        let body = bytes.saturating_sub(head.bytes as u64);
+        let fits = match self.wire {
+            Wire::Ros1 => body == events * EVENT_BYTES as u64,
+            Wire::Cdr if events == 0 => true,
+            Wire::Cdr => body >= EVENT_BYTES as u64 + (events - 1) * PADDED_BYTES as u64,
+        };
+        if fits {
+            (self.left, self.first) = (head.events, true);
+            self.intake.other(head.bytes as u64);
+        }
+        fits
+    }
+
+    /// Decodes events; bytes of one that is cut, or come after the last, are left.
+    pub fn decode(&mut self, bytes: &[u8], sink: &mut Sink<'_>) -> Result<Step, Bad> {
+        let mut taken = 0;
+        while self.left > 0 {
+            let rest = bytes.get(taken..).unwrap_or_default();
+            let (done, stride) = match self.wire == Wire::Cdr && !self.first {
+                false => (self.run::<EVENT_BYTES, 0>(rest, sink), EVENT_BYTES),
+                true => (self.run::<PADDED_BYTES, 3>(rest, sink), PADDED_BYTES),
+            };
+            if done > 0 {
+                self.took(done, stride);
+                taken += done * stride;
+                continue;
+            }
+            let Some(event) = rest.get(..stride) else { break };
+            let raw = match stride {
+                EVENT_BYTES => Raw::of::<0>(event),
+                _ => Raw::of::<3>(event),
+            };
+            let Some(raw) = raw else { break };
+            let pushed = self.intake.push(sink, raw.us(), (raw.x.into(), raw.y.into()), raw.p != 0, 0);
+            if pushed.map_err(|bad| Bad { offset: taken, ..bad })? == Taken::Full {
+                return Ok(Step { taken, full: true });
+            }
+            self.left -= 1;
+            self.first = false;
+            self.intake.other(stride as u64);
+            taken += stride;
+        }
+        Ok(Step { taken, full: false })
+    }
+
+    fn took(&mut self, events: usize, stride: usize) {
+        self.left -= events as u32;
+        self.first = false;
+        self.intake.counters.events += events as u64;
+        self.intake.other((events * stride) as u64);
+    }
+
+    /// Takes events as long as they lie on the sensor and near the first of the sink, and both have room; how many.
+    /// `PAD` bytes of padding come before y of each of `STRIDE` bytes, one of them before x.
+    #[inline]
+    fn run<const STRIDE: usize, const PAD: usize>(&mut self, bytes: &[u8], sink: &mut Sink<'_>) -> usize {
+        let most = if self.wire == Wire::Cdr && self.first { 1 } else { self.left as usize };
+        let (events, _) = bytes.as_chunks::<STRIDE>();
+        let events = events.get(..most.min(sink.room())).unwrap_or(events);
+        let Some(first) = events.first().and_then(|event| Raw::of::<PAD>(event)) else { return 0 };
+        let Some(first) = first.us().checked_add(self.shift_us).and_then(|t| u64::try_from(t).ok()) else {
+            return 0;
+        };
+        let anchor = if sink.is_empty() { first } else { sink.t_first() };
+        let near = Near { anchor, shift_us: self.shift_us, geometry: self.intake.geometry() };
+        let mut last = first;
+        let mut done = 0;
+        for (slot, event) in sink.spare().iter_mut().zip(events) {
+            let Some((t, event)) = Raw::of::<PAD>(event).and_then(|raw| near.event(raw)) else { break };
+            *slot = event;
+            last = t;
+            done += 1;
+        }
+        sink.commit(done, first, last);
+        done
+    }
+}
+
+/// What a block takes without further looking.
+#[derive(Clone, Copy)]
+struct Near {
+    anchor: u64,
+    shift_us: i64,
+    geometry: Geometry,
+}
+
+impl Near {
+    #[inline(always)]
+    fn event(&self, raw: Raw) -> Option<(u64, Event)> {
+        let t = raw.us().wrapping_add(self.shift_us) as u64;
+        let near = t.wrapping_sub(self.anchor).wrapping_add(SPAN_MAX_US - 1) < 2 * SPAN_MAX_US - 1;
+        // A negative time is beyond any that is near: then the sink's own is beyond 2^63 too.
+        let good = near && t >> 63 == 0 && self.geometry.contains(raw.x, raw.y);
+        good.then(|| (t, Event::new(t as u32, raw.x, raw.y, Polarity::from_bit(u16::from(raw.p != 0)))))
+    }
+}
+
+/// An event as it stands in a message.
+#[derive(Clone, Copy)]
+struct Raw {
+    x: u16,
+    y: u16,
+    s: u32,
+    ns: u32,
+    p: u8,
+}
+
+impl Raw {
+    /// `PAD` is 0 without padding; 3 is one byte before x and two after y.
+    #[inline(always)]
+    fn of<const PAD: usize>(bytes: &[u8]) -> Option<Self> {
+        let x = PAD.min(1);
+        let u16_at = |at: usize| Some(u16::from_le_bytes(*bytes.get(at..)?.first_chunk()?));
+        let u32_at = |at: usize| Some(u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?));
+        let (s, ns, p) = (u32_at(PAD + 4)?, u32_at(PAD + 8)?, *bytes.get(PAD + 12)?);
+        Some(Self { x: u16_at(x)?, y: u16_at(x + 2)?, s, ns, p })
+    }
+
+    /// Time in whole µs, rounded down. ROS 2 has signed seconds, which differ only after 2038.
+    #[inline(always)]
+    fn us(self) -> i64 {
+        i64::from(self.s) * 1_000_000 + i64::from(self.ns / 1000)
+    }
+}
+
+impl EventArrays {
+    /// The message ends after these bytes that were not taken.
+    pub fn finish(&mut self, unread: u64) {
+        match (self.left, unread) {
+            (0, unread) => self.intake.other(unread),
+            _ => self.intake.fault(Fault::CutShort, unread),
+        }
+        self.left = 0;
+    }
+}

@@ -1,0 +1,125 @@
+//! How chunks are packed, and how they are unpacked in bounded memory whatever they claim.
+
+use crate::Error;
+use crate::input::Input;
+use std::io::{self, Read};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Memory a packed chunk gets before any of it is unpacked.
+const FIRST_BYTES: usize = 1 << 20;
+/// Bytes read from the file at once.
+const READ_BYTES: usize = 32 << 10;
+/// Largest window of Zstandard, as a power of 2: that of our largest chunks.
+const ZSTD_WINDOW_LOG_MAX: u32 = 25;
+
+/// How a chunk is packed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Packing {
+    Plain,
+    Bz2,
+    Lz4,
+    Zstd,
+}
+
+impl Packing {
+    /// That of this name in a bag; an empty name is none, as MCAP has it.
+    pub fn from_name(name: &[u8]) -> Option<Self> {
+        match name {
+            b"" | b"none" => Some(Self::Plain),
+            b"bz2" => Some(Self::Bz2),
+            b"lz4" => Some(Self::Lz4),
+            b"zstd" => Some(Self::Zstd),
+            _ => None,
+        }
+    }
+}
+
+/// A chunk as it is in the file.
+#[derive(Clone, Debug)]
+pub(crate) struct Packed {
+    pub packing: Packing,
+    /// Offsets of its data; the end may lie behind the end of a file that was cut.
+    pub range: Range<u64>,
+    /// CRC-32 of what it holds, where the file tells it.
+    pub crc: Option<u32>,
+}
+
+/// What came of unpacking.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unpacked {
+    Whole,
+    /// The file ends inside it: these many bytes are good as far as can be known.
+    Cut(usize),
+    /// It breaks its format, or holds something else than it says.
+    Damaged,
+}
+
+impl Packed {
+    /// Unpacks `bytes` bytes to the front of `out`, which grows only as they come.
+    pub fn unpack(&self, input: &Arc<Input>, bytes: usize, out: &mut Vec<u8>) -> Result<Unpacked, Error> {
+        let mut packed = PackedBytes { input, range: self.range.clone(), failed: None };
+        let source = io::BufReader::with_capacity(READ_BYTES, &mut packed);
+        let len = match self.packing {
+            Packing::Plain => read_all(source, bytes, out),
+            Packing::Bz2 => read_all(bzip2::bufread::MultiBzDecoder::new(source), bytes, out),
+            Packing::Lz4 => read_all(lz4_flex::frame::FrameDecoder::new(source), bytes, out),
+            Packing::Zstd => match zstd::stream::read::Decoder::with_buffer(source) {
+                Ok(mut decoder) => match decoder.window_log_max(ZSTD_WINDOW_LOG_MAX) {
+                    Ok(()) => read_all(decoder, bytes, out),
+                    Err(_) => 0,
+                },
+                Err(_) => 0,
+            },
+        };
+        if let Some(failed) = packed.failed {
+            return Err(failed);
+        }
+        if len < bytes {
+            let cut = self.range.end > input.len();
+            return Ok(if cut { Unpacked::Cut(len) } else { Unpacked::Damaged });
+        }
+        let good = self.crc.is_none_or(|crc| crc32fast::hash(out.get(..len).unwrap_or_default()) == crc);
+        Ok(if good { Unpacked::Whole } else { Unpacked::Damaged })
+    }
+}
+
+/// Fills the first `bytes` of `out`; how many there were before the end or an error.
+fn read_all(mut source: impl Read, bytes: usize, out: &mut Vec<u8>) -> usize {
+    let mut len = 0;
+    while len < bytes {
+        if out.len() == len {
+            let more = out.len().max(FIRST_BYTES).min(bytes - len);
+            out.reserve_exact(more);
+            out.resize(len + more, 0);
+        }
+        let end = out.len().min(bytes);
+        match source.read(out.get_mut(len..end).unwrap_or_default()) {
+            Ok(0) | Err(_) => break,
+            Ok(read) => len += read,
+        }
+    }
+    len
+}
+
+/// The bytes of a chunk in the file.
+struct PackedBytes<'a> {
+    input: &'a Input,
+    range: Range<u64>,
+    /// Why the file could not be read, which is not the fault of the bytes in it.
+    failed: Option<Error>,
+}
+
+impl Read for PackedBytes<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let left = usize::try_from(self.range.end - self.range.start).unwrap_or(usize::MAX);
+        let want = left.min(buffer.len());
+        let len = self.input.read_at(self.range.start, buffer.get_mut(..want).unwrap_or_default());
+        let len = len.map_err(|error| {
+            self.failed = Some(error);
+            io::Error::other("see `failed`")
+        })?;
+        self.range.start += len as u64;
+        Ok(len)
+    }
+}
