@@ -44,7 +44,7 @@ pub struct Check {
 impl Check {
     /// Reads the whole recording, in constant memory. What is wrong is told, never an error.
     pub fn of(recording: &Recording, mut progress: impl FnMut(u64)) -> Self {
-        let mut check = Self { in_order: true, warnings: recording.warnings(), ..Self::default() };
+        let mut check = Self { in_order: true, ..Self::default() };
         let mut blocks = recording.blocks();
         loop {
             match blocks.next_block() {
@@ -64,6 +64,8 @@ impl Check {
         (check.off_sensor, check.bytes_faulty) = (counters.off_sensor, counters.bytes_faulty);
         check.faults = Fault::ALL.map(|fault| (fault.name(), counters.faults.get(fault))).into();
         check.side_streams(recording);
+        // After the pass, which finds some of them.
+        check.warnings = recording.warnings();
         check.in_order = check.steps_back == 0;
         check.sound = check.errors.is_empty() && check.bytes_faulty == 0 && check.off_sensor == 0;
         check

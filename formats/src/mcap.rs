@@ -14,6 +14,8 @@
 //!
 //! Strings are u32 length and bytes. A file without summary, or cut, is read by its records in order.
 
+mod write;
+
 use crate::container::Container;
 use crate::input::Input;
 use crate::open::Probe;
@@ -23,7 +25,8 @@ use lobula_core::{Counters, Fault};
 use std::sync::Arc;
 
 /// Its line in the table of formats.
-pub(crate) const FORMAT: Format = Format { name: "MCAP", extensions: &["mcap"], create: None, probe, open };
+pub(crate) const FORMAT: Format =
+    Format { name: "MCAP", extensions: &["mcap"], create: Some(write::create), probe, open };
 
 /// What every file begins and ends with.
 const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
@@ -46,6 +49,7 @@ const OP_MESSAGE: u8 = 0x05;
 const OP_CHUNK: u8 = 0x06;
 const OP_MESSAGE_INDEX: u8 = 0x07;
 const OP_CHUNK_INDEX: u8 = 0x08;
+const OP_STATISTICS: u8 = 0x0B;
 const OP_DATA_END: u8 = 0x0F;
 /// Ops from here on are anyone's own.
 const OP_PRIVATE: u8 = 0x80;

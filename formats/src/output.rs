@@ -3,6 +3,7 @@
 use crate::{Error, ErrorKind};
 use std::fs::File;
 use std::io::Write;
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 /// A file that appears under its name whole or not at all.
@@ -33,6 +34,16 @@ impl Output {
     pub fn write(&mut self, bytes: &[u8]) -> Result<(), Error> {
         self.len += bytes.len() as u64;
         self.file.write_all(bytes).map_err(|source| Error::io(&self.path, "writing it", source))
+    }
+
+    /// Replaces bytes that were written before.
+    pub fn write_at(&mut self, offset: u64, bytes: &[u8]) -> Result<(), Error> {
+        self.file.write_all_at(bytes, offset).map_err(|source| Error::io(&self.path, "writing it", source))
+    }
+
+    /// Bytes written.
+    pub fn len(&self) -> u64 {
+        self.len
     }
 
     /// Makes the bytes safe on the disk and gives the file its name; tells its length.

@@ -27,6 +27,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use header::Header;
+#[cfg(feature = "ros")]
+pub(crate) use write::refused;
 
 /// Its line in the table of formats.
 pub(crate) const FORMAT: Format =

@@ -7,6 +7,7 @@
 //! ```
 
 mod cursor;
+pub(crate) mod definition;
 mod event_array;
 mod event_packet;
 mod fields;
@@ -16,12 +17,13 @@ mod libcaer_cmp;
 mod log;
 mod notes;
 mod packing;
+pub(crate) mod serial;
 mod side;
 mod tape;
 
 use crate::container::{Container, Cursor, Items};
 use crate::intake::Intake;
-use crate::{Error, ErrorKind, Format, Frame, ImuSample, OpenOptions, Stream, StreamKind};
+use crate::{Error, ErrorKind, Format, Frame, ImuSample, OpenOptions, Stream, StreamKind, WriteOptions};
 use cursor::{Body, EventTopic, HEAD_BYTES_MAX, TopicCursor};
 use event_array::EventArrays;
 use event_packet::EventPackets;
@@ -79,6 +81,18 @@ impl Kind {
     const fn is_events(self) -> bool {
         matches!(self, Self::Array | Self::Packet)
     }
+}
+
+/// How to pack the chunks of a file, out of what its format has; none where nothing was asked for.
+pub(crate) fn packing_of(options: &WriteOptions, has: &[Packing], path: &Path) -> Result<Packing, Error> {
+    let Some(wanted) = options.compression else { return Ok(Packing::Plain) };
+    let found = has.iter().find(|packing| packing.name() == wanted.name());
+    found.copied().ok_or_else(|| {
+        let what = format!("cannot be written: the format has no compression {}", wanted.name());
+        let names: Vec<_> = has.iter().map(|packing| packing.name()).collect();
+        let remedy = format!("give --compression one of {}", names.join(", "));
+        Error::new(ErrorKind::Refused, path, what, remedy)
+    })
 }
 
 /// A topic: the connections of one name and type.

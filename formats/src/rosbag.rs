@@ -14,6 +14,8 @@
 //!
 //! A bag without an index, or with a damaged one, is read by its records in order.
 
+mod write;
+
 use crate::container::Container;
 use crate::input::Input;
 use crate::open::Probe;
@@ -24,7 +26,7 @@ use std::sync::Arc;
 
 /// Its line in the table of formats.
 pub(crate) const FORMAT: Format =
-    Format { name: "ROS 1 bag", extensions: &["bag"], create: None, probe, open };
+    Format { name: "ROS 1 bag", extensions: &["bag"], create: Some(write::create), probe, open };
 
 /// What every bag begins with.
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";

@@ -46,24 +46,28 @@ impl RawEncoder {
     }
 
     fn refused(&self, refused: Refused) -> Error {
-        let (what, remedy) = match refused {
-            Refused::StartTooLate { t } => {
-                (format!("the start at {t} µs is beyond the 2^40 µs of the format"), "write it with --rebase")
-            }
-            Refused::StepBack { from, to } => (
-                format!("time steps back from {from} to {to} µs, which would read as a wrap"),
-                "sort it first",
-            ),
-            Refused::OffFormat { x, y } => {
-                (format!("pixel ({x}, {y}) is beyond the format's {GEOMETRY_MAX}"), "crop the events first")
-            }
-            Refused::NoChannel { channel } => {
-                (format!("trigger input {channel} is beyond the format's"), "choose another encoding")
-            }
-        };
-        let what = format!("cannot be written after event {}: {what}", self.events);
-        Error::new(ErrorKind::Refused, self.output.path(), what, remedy)
+        self::refused(refused, self.events, self.output.path())
     }
+}
+
+/// Why an event or trigger after these many events cannot be written.
+pub(crate) fn refused(refused: Refused, events: u64, path: &Path) -> Error {
+    let (what, remedy) = match refused {
+        Refused::StartTooLate { t } => {
+            (format!("the start at {t} µs is beyond the 2^40 µs of the format"), "write it with --rebase")
+        }
+        Refused::StepBack { from, to } => {
+            (format!("time steps back from {from} to {to} µs, which would read as a wrap"), "sort it first")
+        }
+        Refused::OffFormat { x, y } => {
+            (format!("pixel ({x}, {y}) is beyond the format's {GEOMETRY_MAX}"), "crop the events first")
+        }
+        Refused::NoChannel { channel } => {
+            (format!("trigger input {channel} is beyond the format's"), "choose another encoding")
+        }
+    };
+    let what = format!("cannot be written after event {events}: {what}");
+    Error::new(ErrorKind::Refused, path, what, remedy)
 }
 
 impl Encoder for RawEncoder {

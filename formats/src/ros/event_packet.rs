@@ -17,8 +17,10 @@ use crate::{OpenOptions, raw};
 use lobula_core::wire::{AnyDecoder, Encoding, WordOrder};
 use lobula_core::{Counters, Decode, Fault, Geometry, Sink};
 
+/// Name of the encoding that we write.
+pub(crate) const EVT3: &str = "evt3";
 /// Name of the encoding that is no camera's.
-pub(crate) const LIBCAER_CMP: &str = "libcaer_cmp";
+const LIBCAER_CMP: &str = "libcaer_cmp";
 /// What can be read, for messages to people.
 pub(crate) const ENCODINGS: &str = "evt3, evt2, evt21, libcaer_cmp";
 
@@ -77,7 +79,7 @@ pub(crate) struct EventPackets {
 /// What an encoding's name stands for.
 pub(crate) fn encoding(name: &[u8]) -> Option<Option<Encoding>> {
     match name {
-        b"evt3" => Some(Some(Encoding::Evt3)),
+        name if name == EVT3.as_bytes() => Some(Some(Encoding::Evt3)),
         b"evt2" => Some(Some(Encoding::Evt2)),
         b"evt21" => Some(Some(Encoding::Evt21(WordOrder::Little))),
         name if name == LIBCAER_CMP.as_bytes() => Some(None),

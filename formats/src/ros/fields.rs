@@ -134,11 +134,11 @@ mod tests {
 
     #[test]
     fn cdr_aligns_and_ros_1_packs() {
-        let cdr = [0, 1, 0, 0, 7, 0, 0, 0, 2, 0, 0, 0, b'a', 0, 0, 0, 5, 0, 0, 0, 0, 0, 0, 0];
+        let cdr = [0, 1, 0, 0, 7, 0, 0, 0, 2, 0, 0, 0, b'a', 0, 0, 0, 0, 0, 0, 0, 5, 0, 0, 0, 0, 0, 0, 0];
         let mut fields = Fields::new(&cdr, Wire::Cdr).unwrap();
         assert_eq!(fields.u8(), Some(7));
         assert_eq!(fields.string(), Some(&b"a"[..]));
-        assert_eq!((fields.u64(), fields.offset(), fields.u8()), (Some(5), 24, None));
+        assert_eq!((fields.u64(), fields.offset(), fields.u8()), (Some(5), 28, None));
         let ros1 = [7, 1, 0, 0, 0, b'a', 5, 0, 0, 0, 0, 0, 0, 0];
         let mut fields = Fields::new(&ros1, Wire::Ros1).unwrap();
         assert_eq!((fields.u8(), fields.string(), fields.u64()), (Some(7), Some(&b"a"[..]), Some(5)));

@@ -49,6 +49,17 @@ fn pixel_format(encoding: &[u8]) -> Option<(PixelFormat, u8)> {
     }
 }
 
+/// The name of an encoding with this layout.
+pub(crate) fn encoding(format: PixelFormat) -> &'static str {
+    match format {
+        PixelFormat::Gray8 => "mono8",
+        PixelFormat::Gray16 => "mono16",
+        PixelFormat::Bgr8 => "bgr8",
+        PixelFormat::Bgra8 => "bgra8",
+        PixelFormat::Rgb8 => "rgb8",
+    }
+}
+
 /// What a camera's calibration says, as keys and values.
 pub(crate) fn camera_info(message: &[u8], wire: Wire) -> Option<Vec<(String, String)>> {
     let mut fields = Fields::new(message, wire)?;

@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::input::Input;
-use std::io::{self, Read};
+use std::io::{self, Read, Write};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -12,6 +12,8 @@ const FIRST_BYTES: usize = 1 << 20;
 const READ_BYTES: usize = 32 << 10;
 /// Largest window of Zstandard, as a power of 2: that of our largest chunks.
 const ZSTD_WINDOW_LOG_MAX: u32 = 25;
+/// How hard Zstandard packs: its own default.
+const ZSTD_LEVEL: i32 = 3;
 
 /// How a chunk is packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +33,35 @@ impl Packing {
             b"lz4" => Some(Self::Lz4),
             b"zstd" => Some(Self::Zstd),
             _ => None,
+        }
+    }
+
+    /// Its name in a bag.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "none",
+            Self::Bz2 => "bz2",
+            Self::Lz4 => "lz4",
+            Self::Zstd => "zstd",
+        }
+    }
+
+    /// Packs a chunk.
+    pub fn pack(self, bytes: &[u8]) -> io::Result<Vec<u8>> {
+        match self {
+            Self::Plain => Ok(bytes.to_vec()),
+            Self::Bz2 => {
+                let mut packer = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::default());
+                packer.write_all(bytes)?;
+                packer.finish()
+            }
+            Self::Lz4 => {
+                let info = lz4_flex::frame::FrameInfo::new().content_checksum(true);
+                let mut packer = lz4_flex::frame::FrameEncoder::with_frame_info(info, Vec::new());
+                packer.write_all(bytes)?;
+                packer.finish().map_err(io::Error::from)
+            }
+            Self::Zstd => zstd::stream::encode_all(bytes, ZSTD_LEVEL),
         }
     }
 }

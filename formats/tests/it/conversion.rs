@@ -5,7 +5,8 @@ use super::truth::{SAMPLES, Sample};
 use lobula_core::wire::{Encoding, WordOrder};
 use lobula_core::{Geometry, Trigger};
 use lobula_formats::{
-    CopyOptions, FORMATS, OpenOptions, Recording, Summary, WithDigest, WriteOptions, Writer, copy, open_with,
+    Compression, CopyOptions, FORMATS, OpenOptions, Recording, Summary, WithDigest, WriteOptions, Writer,
+    copy, open_with,
 };
 use lobula_tests::data;
 use serde_json::Value;
@@ -29,6 +30,17 @@ const TARGETS: &[Target] = &[
     Target { name: "evt21-legacy.raw", set: |o| o.encoding = Some(LEGACY), say: |_| {}, triggers: true },
     Target { name: "evt3.raw", set: |o| o.encoding = Some(Encoding::Evt3), say: |_| {}, triggers: true },
     Target { name: "cd.dat", set: |_| {}, say: |_| {}, triggers: false },
+    Target { name: "plain.bag", set: |_| {}, say: |_| {}, triggers: false },
+    Target { name: "bz2.bag", set: |o| o.compression = Some(Compression::Bz2), say: |_| {}, triggers: false },
+    Target { name: "lz4.bag", set: |o| o.compression = Some(Compression::Lz4), say: |_| {}, triggers: false },
+    Target { name: "plain.mcap", set: |_| {}, say: |_| {}, triggers: true },
+    Target { name: "lz4.mcap", set: |o| o.compression = Some(Compression::Lz4), say: |_| {}, triggers: true },
+    Target {
+        name: "zstd.mcap",
+        set: |o| o.compression = Some(Compression::Zstd),
+        say: |_| {},
+        triggers: true,
+    },
 ];
 
 const LITTLE: Encoding = Encoding::Evt21(WordOrder::Little);
@@ -48,6 +60,12 @@ const REFUSALS: &[(&str, &str, &str)] = &[
     ("mcap", ".dat", "beyond the 2^32 µs"),
     ("rosbag_dvs_msgs", ".dat", "beyond the 2^32 µs"),
     ("text_rpg_seconds", ".dat", "beyond the 2^32 µs"),
+    ("aedat4_davis346", ".mcap", "beyond the 2^40 µs"),
+    ("aedat4_dvxplorer", ".mcap", "beyond the 2^40 µs"),
+    ("hdf5_dsec", ".mcap", "beyond the 2^40 µs"),
+    ("mcap", ".mcap", "beyond the 2^40 µs"),
+    ("rosbag_dvs_msgs", ".mcap", "beyond the 2^40 µs"),
+    ("text_rpg_seconds", ".mcap", "beyond the 2^40 µs"),
 ];
 
 #[test]
