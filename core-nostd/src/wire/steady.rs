@@ -20,7 +20,7 @@ impl Steady {
     /// words come at random, so a branch would be mispredicted.
     #[inline(always)]
     pub fn take_time(&mut self, head: u32) -> u32 {
-        let is_time = u32::from(self.reach.contains(head)).wrapping_neg();
+        let is_time = self.reach.mask(head);
         self.base = self.base & !is_time | head << LOW_BITS & is_time;
         is_time
     }

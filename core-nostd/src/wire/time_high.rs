@@ -38,7 +38,15 @@ impl Reach {
 
     #[inline(always)]
     pub(super) const fn contains(self, word: u32) -> bool {
-        word.wrapping_sub(self.first) < self.count
+        self.mask(word) != 0
+    }
+
+    /// All bits set if it contains the word, else none. By the borrow of a subtraction: of a comparison the compiler
+    /// makes a branch.
+    #[inline(always)]
+    pub(super) const fn mask(self, word: u32) -> u32 {
+        let told = word.wrapping_sub(self.first);
+        ((told as u64).wrapping_sub(self.count as u64) >> 32) as u32
     }
 }
 
