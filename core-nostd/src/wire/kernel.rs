@@ -5,9 +5,14 @@ use super::avx512;
 
 /// How a decoder goes through the steady stretches of a stream. All give the same events, triggers and counters.
 ///
-/// EVT3's speed for a recording of a Gen4.1 sensor into a sink of 8192 events, on a shared core of a Xeon with AVX-512
-/// (2026-11-22), where a `match` per word in unsafe code does 100 Mev/s: [`Portable`](Self::Portable) 280,
-/// [`Avx512`](Self::Avx512) 520.
+/// Mev/s for recordings repeated to 20 M events, 4096 at a time into one buffer, on a core of a Xeon with AVX-512 that
+/// other virtual machines slow down by up to a half (2026-11-22, the `report` bench):
+///
+/// | | [`Portable`](Self::Portable) | [`Avx512`](Self::Avx512) |
+/// |---|---|---|
+/// | EVT 3.0, Gen4.1 | 220 to 360 | 410 to 540 |
+/// | EVT 2.0, Gen3 | 400 to 650 | 1140 to 1440 |
+/// | EVT 2.1, one event a word | 80 to 90 | 490 to 550 |
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Kernel {

@@ -68,14 +68,14 @@ impl Effects {
 
 /// For each class the first word that is not for the branch-free path: 0 sends all of them to [`Vectors`], or ends the
 /// stretch.
-fn limits(geometry: Geometry) -> [u32; CLASSES] {
+fn limits(geometry: Geometry) -> [u64; CLASSES] {
     core::array::from_fn(|class| {
-        let first = (class as u32) << CLASS_SHIFT;
-        let pixels = |n: u16| first + u32::from(n).min(1 << CLASS_SHIFT);
+        let first = (class as u64) << CLASS_SHIFT;
+        let pixels = |n: u16| first + u64::from(n).min(1 << CLASS_SHIFT);
         match class as u16 >> 1 {
             ADDR_Y => pixels(geometry.height),
             ADDR_X => pixels(geometry.width),
-            TIME_LOW | OTHERS | CONTINUED_4 | CONTINUED_12 => u32::MAX,
+            TIME_LOW | OTHERS | CONTINUED_4 | CONTINUED_12 => u64::MAX,
             _ => 0,
         }
     })
@@ -117,14 +117,12 @@ pub fn run(state: &mut Steady, words: &[[u8; 2]], out: &mut [Event]) -> Done {
         let rest = rest.get(scalars.words..).unwrap_or_default();
         let spare = spare.get_mut(scalars.events..).unwrap_or_default();
         done = done + scalars;
-        done = done
-            + match rest {
-                [bytes, ..] if u16::from_le_bytes(*bytes) == state.repeated => Done { words: 1, events: 0 },
-                _ => match vectors.take(rest, event, spare) {
-                    Some(taken) => taken,
-                    None => break,
-                },
-            };
+        let between = match rest {
+            [bytes, ..] if u16::from_le_bytes(*bytes) == state.repeated => Some(Done { words: 1, events: 0 }),
+            _ => vectors.take_whole(rest, event, spare).or_else(|| vectors.take_one(rest, event, spare)),
+        };
+        let Some(between) = between else { break };
+        done = done + between;
     }
     state.time = event as u32;
     state.row = y_of(event);
@@ -134,17 +132,17 @@ pub fn run(state: &mut Steady, words: &[[u8; 2]], out: &mut [Event]) -> Done {
 
 /// Takes words up to the first that a branch is for, or as far as `out` has room.
 #[inline]
-fn scalars(words: &[[u8; 2]], limits: &[u32; CLASSES], event: &mut u64, out: &mut [Event]) -> Done {
+fn scalars(words: &[[u8; 2]], limits: &[u64; CLASSES], event: &mut u64, out: &mut [Event]) -> Done {
     let mut next = *event;
     let mut done = Done::default();
     let mut take = |bytes: &[u8; 2]| {
-        let word = u16::from_le_bytes(*bytes);
-        let class = usize::from(word >> CLASS_SHIFT);
+        let word = u64::from(u16::from_le_bytes(*bytes));
+        let class = (word >> CLASS_SHIFT) as usize & (CLASSES - 1);
         let Some(slot) = out.get_mut(done.events) else { return false };
-        if u32::from(word) >= limits[class] {
+        if word >= limits[class] {
             return false;
         }
-        let told = u64::from(word).wrapping_mul(EFFECTS.spread[class]).wrapping_add(EFFECTS.told[class]);
+        let told = word.wrapping_mul(EFFECTS.spread[class]).wrapping_add(EFFECTS.told[class]);
         next = next & EFFECTS.kept[class] | told;
         *slot = unpack(next);
         done.events += EFFECTS.adds[class];
@@ -171,39 +169,36 @@ impl Vectors {
     const BASE_MAX: u16 = 0xF000;
     /// Types of the words that make a whole vector, and of a whole vector's columns how many.
     const WHOLE: u64 = whole([VECT_BASE_X, VECT_12, VECT_12, VECT_8]);
-    const WHOLE_COLUMNS: u64 = 12 + 12 + 8;
+    const WHOLE_COLUMNS: u32 = 12 + 12 + 8;
 
     fn new(state: &Steady) -> Self {
         let base = state.base.map(|(x, polarity)| pack(0, x, 0, polarity));
         Self { base, width: state.geometry.width.min(Self::BASE_MAX) }
     }
 
-    /// Takes the words of a vector at the front: all four, or one. `None`, and nothing is done, when there is none, or
-    /// it lacks a base or room, or reaches beyond the sensor.
-    #[inline(never)] // away from the registers of the words between
-    fn take(&mut self, words: &[[u8; 2]], event: u64, out: &mut [Event]) -> Option<Done> {
-        let whole = words.first_chunk().and_then(|words| self.take_whole(words, event, out));
-        whole.or_else(|| self.take_one(u16::from_le_bytes(*words.first()?), event, out))
-    }
-
-    #[inline]
-    fn take_whole(&mut self, words: &[[u8; 2]; 4], event: u64, out: &mut [Event]) -> Option<Done> {
-        let words = words.iter().rev().fold(0, |all, word| all << 16 | u64::from(u16::from_le_bytes(*word)));
-        let [base, first, second, third] = [0, 16, 32, 48].map(|shift| (words >> shift) as u32);
-        let payload = u32::from(PAYLOAD);
-        let mask = first & payload | (second & payload) << 12 | third << 24;
-        let base = pack(0, base as u16 & COORDINATE, 0, Polarity::from_bit(base as u16 >> POLARITY_SHIFT));
-        let end = u32::from(x_of(base)) + u32::BITS - mask.leading_zeros();
-        if words & whole([0xF; 4]) != Self::WHOLE || end > self.width.into() {
+    /// Takes the four words of a vector at the front, as cameras send them. `None`, and nothing is done, when there are
+    /// others, or no room, or not all columns are on the sensor.
+    #[inline(always)]
+    fn take_whole(&mut self, words: &[[u8; 2]], event: u64, out: &mut [Event]) -> Option<Done> {
+        let words = u64::from_le(bytemuck::cast(*words.first_chunk::<4>()?));
+        let slots = out.first_chunk_mut()?;
+        let x = words as u32 & u32::from(COORDINATE);
+        if words & whole([0xF; 4]) != Self::WHOLE || x + Self::WHOLE_COLUMNS > self.width.into() {
             return None;
         }
-        let events = expand::<32>(mask, event & !(X | ON) | base, out.first_chunk_mut()?);
-        self.base = Some(base + (Self::WHOLE_COLUMNS << X_SHIFT));
+        let payload = u64::from(PAYLOAD);
+        let mask = words >> 16 & payload | words >> 20 & payload << 12 | words >> 24 & 0xFF << 24;
+        let base = u64::from(x) << X_SHIFT | words >> POLARITY_SHIFT << ON_SHIFT;
+        let events = expand::<32>(mask as u32, event & !(X | ON) | base, slots);
+        self.base = Some(base + (u64::from(Self::WHOLE_COLUMNS) << X_SHIFT));
         Some(Done { words: 4, events })
     }
 
-    #[inline]
-    fn take_one(&mut self, word: u16, event: u64, out: &mut [Event]) -> Option<Done> {
+    /// Takes one word of a vector. `None`, and nothing is done, when it is none, lacks a base or room, or reaches
+    /// beyond the sensor.
+    #[inline(never)] // rare: away from the registers of the others
+    fn take_one(&mut self, words: &[[u8; 2]], event: u64, out: &mut [Event]) -> Option<Done> {
+        let word = u16::from_le_bytes(*words.first()?);
         let (mask, columns) = match word >> 12 {
             VECT_BASE_X => {
                 self.base = Some(pack(0, word & COORDINATE, 0, Polarity::from_bit(word >> POLARITY_SHIFT)));
