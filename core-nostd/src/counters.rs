@@ -60,16 +60,17 @@ impl Faults {
         }
     }
 
-    /// Counts those of another part of the stream too.
-    pub fn add(&mut self, other: &Self) {
-        for (own, other) in self.0.iter_mut().zip(other.0) {
-            *own = own.saturating_add(other);
-        }
-    }
-
     /// How many of this kind.
     pub fn get(&self, fault: Fault) -> u64 {
         self.0.get(fault as usize).copied().unwrap_or_default()
+    }
+
+    fn zip(&self, other: &Self, with: impl Fn(u64, u64) -> u64) -> Self {
+        let mut out = Self::new();
+        for ((out, a), b) in out.0.iter_mut().zip(self.0).zip(other.0) {
+            *out = with(a, b);
+        }
+        out
     }
 
     /// How many in all.
@@ -112,11 +113,22 @@ impl Counters {
 
     /// Counts what was done with another part of the stream too.
     pub fn add(&mut self, other: &Self) {
-        self.bytes_decoded = self.bytes_decoded.saturating_add(other.bytes_decoded);
-        self.bytes_faulty = self.bytes_faulty.saturating_add(other.bytes_faulty);
-        self.events = self.events.saturating_add(other.events);
-        self.off_sensor = self.off_sensor.saturating_add(other.off_sensor);
-        self.triggers = self.triggers.saturating_add(other.triggers);
-        self.faults.add(&other.faults);
+        *self = self.zip(other, u64::saturating_add);
+    }
+
+    /// The counts since `before`, an earlier state of these.
+    pub fn since(&self, before: &Self) -> Self {
+        self.zip(before, u64::saturating_sub)
+    }
+
+    fn zip(&self, other: &Self, with: impl Fn(u64, u64) -> u64) -> Self {
+        Self {
+            bytes_decoded: with(self.bytes_decoded, other.bytes_decoded),
+            bytes_faulty: with(self.bytes_faulty, other.bytes_faulty),
+            events: with(self.events, other.events),
+            off_sensor: with(self.off_sensor, other.off_sensor),
+            triggers: with(self.triggers, other.triggers),
+            faults: self.faults.zip(&other.faults, with),
+        }
     }
 }

@@ -18,6 +18,11 @@ pub(crate) trait ByteDecoder: Clone + Debug + Send + Sync + 'static {
 
     /// What was done so far.
     fn counters(&self) -> Counters;
+
+    /// Stream time in µs, where [pieces](crate::container::Piece) need it.
+    fn now(&self) -> u64 {
+        0
+    }
 }
 
 /// What one call of a decoder did.
@@ -116,6 +121,10 @@ impl<D: ByteDecoder> Cursor for ByteCursor<D> {
 
     fn counters(&self) -> Counters {
         self.decoder.counters()
+    }
+
+    fn now(&self) -> u64 {
+        self.decoder.now()
     }
 
     fn fork(&self) -> Box<dyn Cursor> {

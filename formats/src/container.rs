@@ -50,6 +50,12 @@ pub(crate) trait Container: Send + Sync + std::fmt::Debug {
     /// A cursor at the first event.
     fn start(&self) -> Box<dyn Cursor>;
 
+    /// About `n` pieces that together are the whole, to be decoded at the same time. One where that cannot be.
+    fn pieces(&self, n: usize) -> Result<Vec<Piece>, Error> {
+        let _ = n;
+        Ok(vec![Piece { cursor: self.start(), wrap_us: 0 }])
+    }
+
     /// Samples of the inertial sensor, in file order.
     fn imu(&self) -> Items<ImuSample> {
         Box::new(std::iter::empty())
@@ -59,6 +65,15 @@ pub(crate) trait Container: Send + Sync + std::fmt::Debug {
     fn frames(&self) -> Items<Frame> {
         Box::new(std::iter::empty())
     }
+}
+
+/// A stretch of a recording that can be decoded without what comes before.
+#[derive(Debug)]
+pub(crate) struct Piece {
+    /// It ends where the next piece starts.
+    pub cursor: Box<dyn Cursor>,
+    /// Where it cannot know how often time wrapped before it: after how many µs time wraps. Else 0.
+    pub wrap_us: u64,
 }
 
 /// Side items of a recording, read as they are asked for. After an error there is no more.
@@ -82,6 +97,11 @@ pub(crate) trait Cursor: Send + Sync + std::fmt::Debug {
     /// Offset in the file up to which all is decoded; where a file is not read in order, another measure of progress
     /// between 0 and the file's length. It only grows.
     fn position(&self) -> u64;
+
+    /// Stream time in µs, in formats whose [pieces](Container::pieces) need it to find each other.
+    fn now(&self) -> u64 {
+        0
+    }
 
     /// What was done from the start of the recording.
     fn counters(&self) -> Counters;

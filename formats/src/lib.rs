@@ -7,7 +7,8 @@
 //!  path ─▶ open (FORMATS: by content) ─▶ Recording ─▶ blocks, slice_time, slice_events ─▶ Chunk { block, triggers }
 //!                                            ├─▶ payload: the camera's bytes as they came
 //!                                            ├─▶ imu, frames: the other streams
-//!                                            └─▶ Summary, Digest
+//!                                            ├─▶ load: all in memory, on all cores
+//!                                            └─▶ Summary, Check, Digest
 //!  Span, Chunk, ImuSample, Frame ─▶ Writer (FORMATS: by extension) ─▶ path
 //! ```
 //!
@@ -30,6 +31,7 @@ mod input;
 mod intake;
 mod large;
 mod limits;
+mod load;
 #[cfg(feature = "ros")]
 mod mcap;
 mod nmnist;
@@ -53,6 +55,7 @@ pub use index::{Index, Times};
 pub use info::{Summary, WithDigest};
 pub use large::LargeArray;
 pub use limits::Limits;
+pub use load::Loaded;
 pub use open::{Column, Columns, FORMATS, Format, OpenOptions, TimeUnit, open, open_with};
 pub use raw::Payload;
 pub use recording::{Blocks, Chunk, Part, Recording};

@@ -16,12 +16,12 @@ pub(crate) mod header;
 mod write;
 
 use crate::byte_cursor::{Bad, ByteCursor, ByteDecoder, Step};
-use crate::container::{Container, Cursor};
+use crate::container::{Container, Cursor, Piece};
 use crate::input::Input;
 use crate::open::Probe;
 use crate::{Error, Format, OpenOptions};
 use lobula_core::wire::{AnyDecoder, Encoding};
-use lobula_core::{Counters, Decode, Geometry, Sink};
+use lobula_core::{Counters, Decode, Event, Geometry, Sink, Trigger};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
@@ -36,6 +36,9 @@ pub(crate) const FORMAT: Format =
 
 /// Largest sensor that eleven bits of x and y can tell.
 pub(crate) const GEOMETRY_MAX: Geometry = Geometry::new(2048, 2048);
+
+/// Bytes looked at to find where a decoder can start.
+const SETTLE_BYTES: usize = 256 << 10;
 
 fn probe(Probe { head, .. }: &Probe<'_>) -> bool {
     // Prophesee DAT, whose header looks alike, is asked before.
@@ -113,6 +116,43 @@ impl Container for RawRecording {
         let decoder = AnyDecoder::new(self.0.encoding, self.geometry_of_blocks());
         Box::new(ByteCursor::new(self.0.input.clone(), self.0.payload(), decoder))
     }
+
+    fn pieces(&self, n: usize) -> Result<Vec<Piece>, Error> {
+        let payload = self.0.payload();
+        let words = (payload.end - payload.start) / self.0.encoding.word_bytes() as u64;
+        let mut starts = vec![(payload.start, AnyDecoder::new(self.0.encoding, self.geometry_of_blocks()))];
+        for i in 1..n as u64 {
+            let after = |at: u64| starts.last().is_some_and(|(start, _)| at > *start);
+            starts.extend(self.settle(words / n as u64 * i)?.filter(|(at, _)| after(*at)));
+        }
+        let ends: Vec<_> = starts.iter().skip(1).map(|(start, _)| *start).chain([payload.end]).collect();
+        let pieces = starts.into_iter().zip(ends).enumerate().map(|(i, ((start, decoder), end))| Piece {
+            cursor: Box::new(ByteCursor::new(self.0.input.clone(), start..end, decoder)),
+            wrap_us: if i == 0 { 0 } else { self.0.encoding.wrap_us() },
+        });
+        Ok(pieces.collect())
+    }
+}
+
+impl RawRecording {
+    /// Where a decoder can start at or after the `word`-th word of the payload, and that decoder; `None` where the bytes
+    /// after it do not tell.
+    fn settle(&self, word: u64) -> Result<Option<(u64, AnyDecoder)>, Error> {
+        let RawFile { input, encoding, .. } = &*self.0;
+        let start = self.0.payload().start + word * encoding.word_bytes() as u64;
+        let mut bytes = vec![0; SETTLE_BYTES];
+        let len = input.read_at(start, &mut bytes)?;
+        let Some(settled) = encoding.settled(&bytes[..len]) else { return Ok(None) };
+        let mut decoder = AnyDecoder::new(*encoding, self.geometry_of_blocks());
+        let mut rest = &bytes[..settled];
+        // What these bytes hold belongs to the piece before.
+        let (mut events, mut triggers) = (vec![Event::default(); 1024], [Trigger::default(); 16]);
+        while !rest.is_empty() {
+            let mut sink = Sink::with_triggers(&mut events, &mut triggers);
+            rest = &rest[Decode::decode(&mut decoder, rest, &mut sink)..];
+        }
+        Ok(Some((start + settled as u64, decoder)))
+    }
 }
 
 impl ByteDecoder for AnyDecoder {
@@ -127,6 +167,10 @@ impl ByteDecoder for AnyDecoder {
 
     fn counters(&self) -> Counters {
         *Decode::counters(self)
+    }
+
+    fn now(&self) -> u64 {
+        Decode::now(self)
     }
 }
 

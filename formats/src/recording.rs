@@ -31,6 +31,10 @@ impl Recording {
         Self { container, limits, index: Mutex::new(None) }
     }
 
+    pub(crate) fn container(&self) -> &dyn Container {
+        &*self.container
+    }
+
     /// The file.
     pub fn path(&self) -> &Path {
         self.container.path()

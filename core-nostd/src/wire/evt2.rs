@@ -20,7 +20,7 @@ mod tests;
 use super::carry::{self, Carry, Held, Words};
 use super::kernel::{Chosen, Done, Kernel};
 use super::steady::Steady;
-use super::time_high::{Clock, ClockOut};
+use super::time_high::{self, Clock, ClockOut};
 use crate::event::packed::pack;
 use crate::{
     Counters, Decode, Encode, Encoded, Event, Fault, Geometry, Polarity, Refused, Sink, Span, Trigger,
@@ -252,6 +252,13 @@ impl Decode for Decoder {
     fn counters(&self) -> &Counters {
         &self.counters
     }
+}
+
+/// How many of these bytes, which start anywhere between two words of a stream, a fresh decoder must take to know the
+/// time: from there on it gives what a decoder gives that read all before, but for whole wraps of time.
+pub(super) fn settled(bytes: &[u8]) -> Option<usize> {
+    let kinds = bytes.as_chunks::<WORD_BYTES>().0.iter().map(|word| u32::from_le_bytes(*word) >> 28);
+    time_high::settled(kinds.map(|kind| (kind == TIME_HIGH, kind <= CD_ON))).map(|words| words * WORD_BYTES)
 }
 
 /// Events to EVT 2.0 bytes.

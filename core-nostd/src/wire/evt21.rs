@@ -24,7 +24,7 @@ use super::carry::{self, Carry, Held, Words};
 use super::evt2::{Limits, pixel};
 use super::kernel::{Chosen, Done, Kernel};
 use super::steady::Steady;
-use super::time_high::{Clock, ClockOut};
+use super::time_high::{self, Clock, ClockOut};
 use crate::event::packed::{COLUMN, pack};
 use crate::{
     Counters, Decode, Encode, Encoded, Event, Fault, Geometry, Polarity, Refused, Sink, Span, Trigger,
@@ -353,6 +353,13 @@ impl Vector {
         }
         None
     }
+}
+
+/// How many of these bytes a fresh decoder must take to know the time, as in [EVT 2.0](super::evt2).
+pub(super) fn settled(bytes: &[u8], order: WordOrder) -> Option<usize> {
+    let words = bytes.as_chunks::<WORD_BYTES>().0.iter();
+    let kinds = words.map(|word| Word::from_bytes(*word, order).kind());
+    time_high::settled(kinds.map(|kind| (kind == TIME_HIGH, kind <= EVT_POS))).map(|words| words * WORD_BYTES)
 }
 
 /// Events to EVT 2.1 bytes. Events that follow each other by rising x within 32 columns share a word.

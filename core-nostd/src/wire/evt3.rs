@@ -55,6 +55,8 @@ const CHANNEL_MAX: u8 = 0xF;
 const CHANNEL_SHIFT: u32 = 8;
 /// Bits of a word beside its type.
 const PAYLOAD: u16 = 0xFFF;
+/// After how many µs the time wraps.
+pub(super) const WRAP_US: u64 = 1 << (2 * TIME_BITS);
 /// Bits of time in each of TIME_LOW and TIME_HIGH.
 const TIME_BITS: u32 = 12;
 /// Events of the largest word: a decoder stops before any word when the sink has less room.
@@ -360,6 +362,25 @@ impl Decode for Decoder {
     fn counters(&self) -> &Counters {
         &self.counters
     }
+}
+
+/// How many of these bytes, which start anywhere between two words of a stream, a fresh decoder must take to know time,
+/// row and base: from there on it gives what a decoder gives that read all before, but for whole wraps of time. `None`
+/// where the bytes do not tell.
+pub(super) fn settled(bytes: &[u8]) -> Option<usize> {
+    let (mut high, mut low, mut row, mut base) = (false, false, false, false);
+    let words = bytes.as_chunks::<2>().0;
+    let last = words.iter().position(|word| {
+        match u16::from_le_bytes(*word) >> TIME_BITS {
+            TIME_HIGH => high = true,
+            TIME_LOW => low = high,
+            ADDR_Y => row = true,
+            VECT_BASE_X => base = true,
+            _ => {}
+        }
+        low && row && base
+    });
+    last.map(|last| (last + 1) * 2)
 }
 
 /// Events in, EVT3 bytes out: vectors where events share time, row and polarity in ascending columns.

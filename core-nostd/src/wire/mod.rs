@@ -153,6 +153,34 @@ macro_rules! encodings {
 for_each_encoding!(encodings);
 
 impl Encoding {
+    /// How many of these bytes, which start anywhere between two words of a stream, a fresh decoder must take to know
+    /// all that it needs: from there on it gives what a decoder gives that read all before, but for whole wraps of
+    /// time. `None` where the bytes do not tell. So a recording can be decoded from several places at once.
+    pub fn settled(self, bytes: &[u8]) -> Option<usize> {
+        match self {
+            Self::Evt2 => evt2::settled(bytes),
+            Self::Evt21(order) => evt21::settled(bytes, order),
+            Self::Evt3 => evt3::settled(bytes),
+        }
+    }
+
+    /// After how many µs the format's own time wraps.
+    pub const fn wrap_us(self) -> u64 {
+        match self {
+            Self::Evt2 | Self::Evt21(_) => time_high::WRAP_US,
+            Self::Evt3 => evt3::WRAP_US,
+        }
+    }
+
+    /// Bytes of a word.
+    pub const fn word_bytes(self) -> usize {
+        match self {
+            Self::Evt2 => 4,
+            Self::Evt21(_) => 8,
+            Self::Evt3 => 2,
+        }
+    }
+
     /// The format of this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.iter().copied().find(|encoding| encoding.name() == name)

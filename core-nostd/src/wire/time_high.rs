@@ -50,6 +50,21 @@ impl Reach {
     }
 }
 
+/// After how many µs the time wraps.
+pub(super) const WRAP_US: u64 = 1 << (LOW_BITS + HIGH_BITS);
+
+/// After how many words time is known whole: up to an event after a TIME_HIGH. Of each word: whether it is the one or
+/// the other.
+pub(super) fn settled(words: impl Iterator<Item = (bool, bool)>) -> Option<usize> {
+    let mut high = false;
+    let mut words = words;
+    let last = words.position(|(is_high, is_event)| {
+        high |= is_high;
+        high && is_event
+    });
+    last.map(|last| last + 1)
+}
+
 /// The decoder's clock.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Clock {

@@ -1,0 +1,279 @@
+//! A whole recording in memory, decoded on all cores.
+
+use crate::container::{Piece, Stop};
+use crate::{Error, LargeArray, Recording};
+use lobula_core::{Counters, Event, Geometry, Sink, Span, Trigger};
+use rayon::prelude::*;
+
+/// Events that one allocation holds: 8 MiB.
+const PART_EVENTS: usize = 1 << 20;
+/// Triggers between two looks at them.
+const TRIGGERS: usize = 1024;
+/// Bytes of a file that are worth a piece of work.
+const PIECE_BYTES: u64 = 4 << 20;
+
+/// Every event and trigger of a recording, in file order.
+///
+/// ```no_run
+/// let loaded = lobula_formats::open("driving.raw")?.load()?;
+/// let on: usize = loaded.spans().map(|span| span.events.iter().filter(|event| event.is_on()).count()).sum();
+/// println!("{on} of {} events are ON", loaded.len());
+/// # Ok::<(), lobula_formats::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct Loaded {
+    geometry: Geometry,
+    parts: Vec<Part>,
+    triggers: Vec<Trigger>,
+    counters: Counters,
+}
+
+/// Some events in order, in memory of their own.
+#[derive(Debug)]
+struct Part {
+    events: LargeArray<Event>,
+    runs: Vec<Run>,
+}
+
+/// Events of a part that share an anchor of time.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    len: usize,
+    t_first: u64,
+    t_last: u64,
+}
+
+impl Recording {
+    /// Decodes all of it, on as many threads as rayon has: the same events in the same order as
+    /// [`blocks`](Self::blocks) gives, whatever their number. Takes 8 bytes an event.
+    ///
+    /// # Errors
+    /// Those of reading the file, and of the system where there is no room.
+    pub fn load(&self) -> Result<Loaded, Error> {
+        self.load_in(usize::try_from(self.bytes() / PIECE_BYTES).unwrap_or(1).max(1))
+    }
+
+    /// Loads in about so many pieces.
+    fn load_in(&self, pieces: usize) -> Result<Loaded, Error> {
+        let container = self.container();
+        let pieces = container.pieces(pieces)?;
+        let geometry = container.geometry_of_blocks();
+        let path = self.path();
+        let out_of_room = |source| Error::io(path, "taking memory for it", source);
+        let decoded = pieces.into_par_iter().map(|piece| Decoded::of(piece, geometry, &out_of_room));
+        let mut decoded = decoded.collect::<Result<Vec<_>, _>>()?;
+        if !settle(&mut decoded) {
+            // The pieces do not fit together, which a file that changes meanwhile can do: in one piece, then.
+            decoded =
+                vec![Decoded::of(Piece { cursor: container.start(), wrap_us: 0 }, geometry, &out_of_room)?];
+        }
+        Ok(join(decoded, geometry))
+    }
+}
+
+/// A piece, decoded.
+struct Decoded {
+    parts: Vec<Part>,
+    triggers: Vec<Trigger>,
+    counters: Counters,
+    events: u64,
+    /// What is to be a multiple of this may be missing from every time; 0: nothing is.
+    wrap_us: u64,
+    /// What the clock said at the start and at the end.
+    now: [u64; 2],
+}
+
+impl Decoded {
+    fn of(
+        piece: Piece,
+        geometry: Geometry,
+        out_of_room: &impl Fn(std::io::Error) -> Error,
+    ) -> Result<Self, Error> {
+        let Piece { mut cursor, wrap_us } = piece;
+        let (before, now) = (cursor.counters(), cursor.now());
+        let mut parts = Vec::new();
+        let (mut triggers, mut some) = (Vec::new(), vec![Trigger::default(); TRIGGERS]);
+        let mut events = 0;
+        let mut stop = Stop::Full;
+        while stop == Stop::Full {
+            let mut part =
+                Part { events: LargeArray::zeroed(PART_EVENTS).map_err(out_of_room)?, runs: Vec::new() };
+            let mut len = 0;
+            while stop == Stop::Full && PART_EVENTS - len >= Sink::LEN_MIN {
+                let mut sink = Sink::with_triggers(&mut part.events[len..], &mut some);
+                stop = cursor.fill(&mut sink)?;
+                triggers.extend_from_slice(sink.triggers());
+                let block = sink.block(geometry);
+                let run = Run { len: block.len(), t_first: block.t_first, t_last: block.t_last };
+                len += run.len;
+                part.runs.extend((run.len > 0).then_some(run));
+            }
+            part.events.truncate(len);
+            events += len as u64;
+            parts.push(part);
+        }
+        // The decoder has counted the events that it took to find its bearings.
+        let before_piece = before.events - before.off_sensor;
+        triggers.iter_mut().for_each(|trigger| trigger.ordinal -= before_piece);
+        let counters = cursor.counters().since(&before);
+        Ok(Self { parts, triggers, counters, events, wrap_us, now: [now, cursor.now()] })
+    }
+
+    /// Adds to every time.
+    fn shift(&mut self, by: u64) {
+        for part in &mut self.parts {
+            for event in part.events.iter_mut() {
+                *event =
+                    Event::new(event.t().wrapping_add(by as u32), event.x(), event.y(), event.polarity());
+            }
+            for run in &mut part.runs {
+                run.t_first = run.t_first.wrapping_add(by);
+                run.t_last = run.t_last.wrapping_add(by);
+            }
+        }
+        self.triggers.iter_mut().for_each(|trigger| trigger.t = trigger.t.wrapping_add(by));
+    }
+}
+
+/// Gives every piece the whole wraps of time that it could not know; false where they do not fit.
+fn settle(decoded: &mut [Decoded]) -> bool {
+    let mut ordinal = 0;
+    let mut shifts = Vec::new();
+    let mut end = 0u64;
+    for piece in decoded.iter_mut() {
+        let shift = if piece.wrap_us == 0 { 0 } else { end.wrapping_sub(piece.now[0]) };
+        if piece.wrap_us != 0 && !shift.is_multiple_of(piece.wrap_us) {
+            return false;
+        }
+        piece.triggers.iter_mut().for_each(|trigger| trigger.ordinal += ordinal);
+        ordinal += piece.events;
+        end = piece.now[1].wrapping_add(shift);
+        shifts.push(shift);
+    }
+    let moved = decoded.par_iter_mut().zip(shifts).filter(|(_, shift)| *shift != 0);
+    moved.for_each(|(piece, shift)| piece.shift(shift));
+    true
+}
+
+fn join(decoded: Vec<Decoded>, geometry: Geometry) -> Loaded {
+    let mut loaded = Loaded { geometry, parts: Vec::new(), triggers: Vec::new(), counters: Counters::new() };
+    for piece in decoded {
+        loaded.parts.extend(piece.parts);
+        loaded.triggers.extend(piece.triggers);
+        loaded.counters.add(&piece.counters);
+    }
+    loaded
+}
+
+impl Loaded {
+    /// Number of events.
+    pub fn len(&self) -> usize {
+        self.parts.iter().map(|part| part.events.len()).sum()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The events in file order, in as many pieces as their memory and their times need.
+    pub fn spans(&self) -> impl Iterator<Item = Span<'_>> {
+        let geometry = self.geometry;
+        self.parts.iter().flat_map(move |part| {
+            let mut rest = &part.events[..];
+            part.runs.iter().map(move |run| {
+                let (events, after) = rest.split_at(run.len);
+                rest = after;
+                Span { t_first: run.t_first, t_last: run.t_last, geometry, events }
+            })
+        })
+    }
+
+    /// The triggers in file order.
+    pub fn triggers(&self) -> &[Trigger] {
+        &self.triggers
+    }
+
+    /// What the decoder did.
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Digest, WriteOptions, Writer, open};
+    use lobula_core::Polarity;
+    use lobula_core::wire::Encoding;
+    use lobula_tests::data;
+    use std::path::Path;
+
+    /// Events, triggers and counts as they come in order, and as they come from pieces.
+    fn check(path: &Path) {
+        let recording = open(path).unwrap();
+        let (mut digest, mut triggers, mut blocks) = (Digest::default(), Vec::new(), recording.blocks());
+        while let Some(chunk) = blocks.next_block().unwrap() {
+            digest.update(chunk.span());
+            triggers.extend_from_slice(chunk.triggers);
+        }
+        let expected = digest.finish();
+        for pieces in [1, 2, 3, 16, 97] {
+            let loaded = recording.load_in(pieces).unwrap();
+            let mut digest = Digest::default();
+            loaded.spans().for_each(|span| digest.update(span));
+            assert_eq!(digest.finish(), expected, "{} in {pieces} pieces", path.display());
+            assert_eq!(loaded.triggers(), triggers, "{} in {pieces} pieces", path.display());
+            assert_eq!(loaded.counters(), blocks.counters(), "{} in {pieces} pieces", path.display());
+        }
+    }
+
+    #[test]
+    fn real_recordings_load_as_they_read() {
+        let raw = ["evt2_gen3_640x480", "evt21_le_1280x720", "evt21_legacy_1280x720", "evt3_gen41_1280x720"];
+        for file in raw.into_iter().chain(["evt3_trigger_1280x720"]) {
+            let Some(path) = data(&format!("{file}.raw")) else { return };
+            assert!(open(&path).unwrap().container().pieces(16).unwrap().len() > 8, "{file} is cut");
+            check(&path);
+        }
+    }
+
+    /// Wraps, silence of more than one wrap, steps back, vectors, triggers; and single events, which tell no base.
+    #[test]
+    fn wraps_are_counted_across_pieces() {
+        let folder = tempfile::tempdir().unwrap();
+        for (i, encoding) in Encoding::ALL.iter().enumerate() {
+            for step in [2, 40] {
+                let path = folder.path().join(format!("{i}-{step}.raw"));
+                let geometry = Geometry::new(1280, 720);
+                let options = WriteOptions { encoding: Some(*encoding), ..WriteOptions::default() };
+                let mut writer = Writer::create(&path, Some(geometry), &options).unwrap();
+                let mut t = 3_000_000_000u64;
+                for i in 0..20_000u64 {
+                    t = match i % 4_000 {
+                        3_999 => t + 40_000_000,
+                        1_777 => t - 900,
+                        _ => t + i * i % 2_003,
+                    };
+                    let event = |k: u64| {
+                        let polarity = Polarity::from_bit((i / 3) as u16);
+                        Event::new(
+                            t as u32,
+                            ((i * 31 + k * step) % 1280) as u16,
+                            (i * 7 % 720) as u16,
+                            polarity,
+                        )
+                    };
+                    let events = [event(0), event(1), event(2)];
+                    writer.write(Span { t_first: t, t_last: t, geometry, events: &events }).unwrap();
+                    if i % 97 == 5 {
+                        let edge = Polarity::from_bit(i as u16);
+                        writer.write_trigger(Trigger { t, ordinal: 0, channel: 1, edge }).unwrap();
+                    }
+                }
+                writer.finish().unwrap();
+                check(&path);
+            }
+        }
+    }
+}
