@@ -10,7 +10,9 @@ const PART_EVENTS: usize = 1 << 20;
 /// Triggers between two looks at them.
 const TRIGGERS: usize = 1024;
 /// Bytes of a file that are worth a piece of work.
-const PIECE_BYTES: u64 = 4 << 20;
+const PIECE_BYTES: u64 = 1 << 20;
+/// Pieces of work for each thread, so that one that takes long does not leave the others idle.
+const PIECES_A_THREAD: usize = 4;
 
 /// Every event and trigger of a recording, in file order.
 ///
@@ -50,7 +52,8 @@ impl Recording {
     /// # Errors
     /// Those of reading the file, and of the system where there is no room.
     pub fn load(&self) -> Result<Loaded, Error> {
-        self.load_in(usize::try_from(self.bytes() / PIECE_BYTES).unwrap_or(1).max(1))
+        let worth = usize::try_from(self.bytes() / PIECE_BYTES).unwrap_or(usize::MAX);
+        self.load_in(worth.clamp(1, PIECES_A_THREAD * rayon::current_num_threads()))
     }
 
     /// Loads in about so many pieces.

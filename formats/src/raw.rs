@@ -22,6 +22,7 @@ use crate::open::Probe;
 use crate::{Error, Format, OpenOptions};
 use lobula_core::wire::{AnyDecoder, Encoding};
 use lobula_core::{Counters, Decode, Event, Geometry, Sink, Trigger};
+use rayon::prelude::*;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
@@ -37,8 +38,8 @@ pub(crate) const FORMAT: Format =
 /// Largest sensor that eleven bits of x and y can tell.
 pub(crate) const GEOMETRY_MAX: Geometry = Geometry::new(2048, 2048);
 
-/// Bytes looked at to find where a decoder can start.
-const SETTLE_BYTES: usize = 256 << 10;
+/// Bytes looked at to find where a decoder can start: so many at first, and at most.
+const SETTLE_BYTES: [usize; 2] = [16 << 10, 1 << 20];
 
 fn probe(Probe { head, .. }: &Probe<'_>) -> bool {
     // Prophesee DAT, whose header looks alike, is asked before.
@@ -120,10 +121,11 @@ impl Container for RawRecording {
     fn pieces(&self, n: usize) -> Result<Vec<Piece>, Error> {
         let payload = self.0.payload();
         let words = (payload.end - payload.start) / self.0.encoding.word_bytes() as u64;
+        let places = (1..n as u64).into_par_iter().map(|i| self.settle(words / n as u64 * i));
         let mut starts = vec![(payload.start, AnyDecoder::new(self.0.encoding, self.geometry_of_blocks()))];
-        for i in 1..n as u64 {
-            let after = |at: u64| starts.last().is_some_and(|(start, _)| at > *start);
-            starts.extend(self.settle(words / n as u64 * i)?.filter(|(at, _)| after(*at)));
+        for (at, decoder) in places.collect::<Result<Vec<_>, _>>()?.into_iter().flatten() {
+            let is_after = starts.last().is_some_and(|(start, _)| at > *start);
+            starts.extend(is_after.then_some((at, decoder)));
         }
         let ends: Vec<_> = starts.iter().skip(1).map(|(start, _)| *start).chain([payload.end]).collect();
         let pieces = starts.into_iter().zip(ends).enumerate().map(|(i, ((start, decoder), end))| Piece {
@@ -140,9 +142,17 @@ impl RawRecording {
     fn settle(&self, word: u64) -> Result<Option<(u64, AnyDecoder)>, Error> {
         let RawFile { input, encoding, .. } = &*self.0;
         let start = self.0.payload().start + word * encoding.word_bytes() as u64;
-        let mut bytes = vec![0; SETTLE_BYTES];
-        let len = input.read_at(start, &mut bytes)?;
-        let Some(settled) = encoding.settled(&bytes[..len]) else { return Ok(None) };
+        let [mut look, most] = SETTLE_BYTES;
+        let mut bytes = Vec::new();
+        let settled = loop {
+            bytes.resize(look, 0);
+            let len = input.read_at(start, &mut bytes)?;
+            match encoding.settled(&bytes[..len]) {
+                Some(settled) => break settled,
+                None if look >= most || len < look => return Ok(None),
+                None => look *= 4,
+            }
+        };
         let mut decoder = AnyDecoder::new(*encoding, self.geometry_of_blocks());
         let mut rest = &bytes[..settled];
         // What these bytes hold belongs to the piece before.
