@@ -2,7 +2,7 @@
 
 use crate::container::{Piece, Stop};
 use crate::{Error, LargeArray, Recording};
-use lobula_core::{Counters, Event, Geometry, Sink, Span, Trigger};
+use lobula_core::{Counters, Event, Fault, Geometry, Sink, Span, Trigger};
 use rayon::prelude::*;
 
 /// Events that one allocation holds: 8 MiB.
@@ -66,7 +66,7 @@ impl Recording {
         let decoded = pieces.into_par_iter().map(|piece| Decoded::of(piece, geometry, &out_of_room));
         let mut decoded = decoded.collect::<Result<Vec<_>, _>>()?;
         if !settle(&mut decoded) {
-            // The pieces do not fit together, which a file that changes meanwhile can do: in one piece, then.
+            // A piece began in the dark (a stream whose first vector comes late): in one piece, then.
             decoded =
                 vec![Decoded::of(Piece { cursor: container.start(), wrap_us: 0 }, geometry, &out_of_room)?];
         }
@@ -122,6 +122,12 @@ impl Decoded {
         Ok(Self { parts, triggers, counters, events, wrap_us, now: [now, cursor.now()] })
     }
 
+    /// Whether no word of it needed what an earlier piece was told.
+    fn knew_all(&self) -> bool {
+        let needed = [Fault::BeforeTime, Fault::BeforeRow, Fault::BeforeBase];
+        needed.iter().all(|fault| self.counters.faults.get(*fault) == 0)
+    }
+
     /// Adds to every time.
     fn shift(&mut self, by: u64) {
         for part in &mut self.parts {
@@ -145,7 +151,7 @@ fn settle(decoded: &mut [Decoded]) -> bool {
     let mut end = 0u64;
     for piece in decoded.iter_mut() {
         let shift = if piece.wrap_us == 0 { 0 } else { end.wrapping_sub(piece.now[0]) };
-        if piece.wrap_us != 0 && !shift.is_multiple_of(piece.wrap_us) {
+        if piece.wrap_us != 0 && !(shift.is_multiple_of(piece.wrap_us) && piece.knew_all()) {
             return false;
         }
         piece.triggers.iter_mut().for_each(|trigger| trigger.ordinal += ordinal);

@@ -366,21 +366,29 @@ impl Decode for Decoder {
 
 /// How many of these bytes, which start anywhere between two words of a stream, a fresh decoder must take to know time,
 /// row and base: from there on it gives what a decoder gives that read all before, but for whole wraps of time. `None`
-/// where the bytes do not tell.
+/// where the bytes do not tell. Where they hold no vector, the base is left open: a stream may have none, and one that
+/// comes without it is a [`Fault::BeforeBase`].
 pub(super) fn settled(bytes: &[u8]) -> Option<usize> {
-    let (mut high, mut low, mut row, mut base) = (false, false, false, false);
-    let words = bytes.as_chunks::<2>().0;
-    let last = words.iter().position(|word| {
+    let (mut high, mut low, mut row, mut base, mut vectors) = (false, false, false, false, false);
+    let mut without_base = None;
+    for (i, word) in bytes.as_chunks::<2>().0.iter().enumerate() {
         match u16::from_le_bytes(*word) >> TIME_BITS {
             TIME_HIGH => high = true,
             TIME_LOW => low = high,
             ADDR_Y => row = true,
             VECT_BASE_X => base = true,
+            VECT_12 | VECT_8 => vectors = true,
             _ => {}
         }
-        low && row && base
-    });
-    last.map(|last| (last + 1) * 2)
+        if low && row {
+            let here = (i + 1) * 2;
+            if base {
+                return Some(here);
+            }
+            without_base = without_base.or(Some(here));
+        }
+    }
+    without_base.filter(|_| !vectors)
 }
 
 /// Events in, EVT3 bytes out: vectors where events share time, row and polarity in ascending columns.
