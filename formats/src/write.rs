@@ -310,7 +310,7 @@ impl Writer {
         t.checked_sub(by).ok_or_else(|| {
             let what =
                 format!("cannot be written: an event at {t} µs is earlier than the {by} µs to subtract");
-            let remedy = "rebase by less, with --rebase MICROSECONDS";
+            let remedy = "rebase by less, with --rebase=MICROSECONDS";
             Error::new(ErrorKind::Refused, &self.path, what, remedy)
         })
     }

@@ -107,7 +107,7 @@ pub struct ConvertArgs {
     #[arg(long, value_name = "NAME")]
     pub layout: Option<String>,
     /// Subtract this from every time; without a number the time of the first item
-    #[arg(long, value_name = "MICROSECONDS", value_parser = convert::rebase, num_args = 0..=1, default_missing_value = "first")]
+    #[arg(long, value_name = "MICROSECONDS", value_parser = convert::rebase, num_args = 0..=1, require_equals = true, default_missing_value = "first")]
     pub rebase: Option<Rebase>,
     /// Replace the file that is there
     #[arg(long)]

@@ -67,6 +67,10 @@ fn parts_are_what_the_options_say() {
     let halves = ["0,0,640x720", "640,0,640x720"].map(|roi| number(&part(&["--roi", roi])["events"]));
     assert_eq!(halves.iter().sum::<u64>(), number(&whole["events"]));
     assert_eq!(part(&["--rebase"])["t_first_us"], 0);
+    let files = [from.to_str().unwrap(), to.to_str().unwrap()];
+    json(&[&["convert", "--overwrite", "--json", "--rebase"], &files[..]].concat());
+    assert_eq!(info(&to)["t_first_us"], 0, "the option takes no file for a number");
+    assert_eq!(part(&[&format!("--rebase={}", first - 7)])["t_first_us"], 7);
 }
 
 #[test]
