@@ -27,3 +27,8 @@ pub fn data(name: &str) -> Option<PathBuf> {
 fn beside_the_repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared")
 }
+
+/// The README's examples are compiled with the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct Readme;

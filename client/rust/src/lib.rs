@@ -38,8 +38,3 @@ pub use lobula_core::representation::Dtype;
 pub use qos::{PACKET_EVENTS_MAX, Qos};
 pub use stream::{Stream, check_name};
 pub use views::{Tensor, ViewSubscriber};
-
-/// The README's example is compiled with the tests.
-#[cfg(doctest)]
-#[doc = include_str!("../../../README.md")]
-struct Readme;
