@@ -1,15 +1,17 @@
 //! Files: how fast each format is read, in blocks on one core and whole on one core and on all of them.
 //!
-//! `cargo bench -p lobula-benches --bench formats -- [NAME...]`: only the files whose name contains one of the names.
-//! The files are written by ourselves from the scene of the other benches, into the system's temporary folder, and read
-//! once before they are measured, so that they come from the page cache.
+//! `cargo bench -p lobula-benches --bench formats -- [--json] [--keep FOLDER] [NAME...]`: only the files whose name
+//! contains one of the names. They are written by ourselves from the scene of the other benches, into $TMPDIR or the
+//! folder to keep them in (for `benches/peers/`), and read once before they are measured, so that they come from the
+//! page cache.
 
 use lobula_benches::clock::{allowed_cores, median, timed};
 use lobula_benches::input::{EVENTS, Scene};
 use lobula_core::Span;
 use lobula_core::wire::Encoding;
 use lobula_formats::{OpenOptions, Recording, WriteOptions, Writer, open_with};
-use std::path::Path;
+use std::error::Error;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// A file to read.
@@ -33,26 +35,68 @@ const FILES: &[File] = &[
 /// How often each is read.
 const ROUNDS: usize = 5;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let wanted: Vec<_> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut args = std::env::args().skip(1).filter(|arg| arg != "--bench");
+    let (mut json, mut keep, mut names) = (false, None, Vec::new());
+    while let Some(arg) = args.next() {
+        match arg.as_str() {
+            "--json" => json = true,
+            "--keep" => keep = Some(PathBuf::from(args.next().ok_or("--keep takes a folder")?)),
+            _ => names.push(arg),
+        }
+    }
     let is_wanted =
-        |file: &&File| wanted.is_empty() || wanted.iter().any(|name| file.name.contains(name.as_str()));
+        |file: &&File| names.is_empty() || names.iter().any(|name| file.name.contains(name.as_str()));
     let scene = Scene::load(EVENTS)?;
-    println!("{}; medians of {ROUNDS}", scene.source);
-    println!(
-        "{:<24} {:>8} {:>16} {:>13} {:>13} {:>6}",
-        "file", "B/event", "blocks, Mev/s CPU", "load, 1 core", "all cores", "times"
-    );
-    let folder = std::env::temp_dir().join(format!("lobula-formats-{}", std::process::id()));
+    let temporary = std::env::temp_dir().join(format!("lobula-formats-{}", std::process::id()));
+    let folder = keep.clone().unwrap_or(temporary);
     std::fs::create_dir_all(&folder)?;
-    let done = FILES.iter().filter(is_wanted).try_for_each(|file| measure(file, &scene, &folder));
-    std::fs::remove_dir_all(&folder)?;
-    done
+    if !json {
+        println!("{}; medians of {ROUNDS}", scene.source);
+        println!(
+            "{:<24} {:>8} {:>18} {:>13} {:>13} {:>6}",
+            "file", "B/event", "blocks, Mev/s CPU", "load, 1 core", "all cores", "times"
+        );
+    }
+    for file in FILES.iter().filter(is_wanted) {
+        let row = measure(file, &scene, &folder)?;
+        match json {
+            true => println!("{}", serde_json::to_string(&row)?),
+            false => println!(
+                "{:<24} {:>8.2} {:>18.0} {:>13.0} {:>13.0} {:>6.2}",
+                row.file,
+                row.bytes_per_event,
+                row.blocks,
+                row.load_one_core,
+                row.load,
+                row.load / row.load_one_core
+            ),
+        }
+        if keep.is_none() {
+            std::fs::remove_file(folder.join(file.name))?;
+        }
+    }
+    if keep.is_none() {
+        std::fs::remove_dir_all(&folder)?;
+    }
+    Ok(())
 }
 
-fn measure(file: &File, scene: &Scene, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
+/// What was measured of a file; rates in Mev/s, of `blocks` by CPU time, of loading by the clock on the wall.
+#[derive(serde::Serialize)]
+struct Row {
+    file: &'static str,
+    events: usize,
+    bytes_per_event: f64,
+    blocks: f64,
+    load_one_core: f64,
+    load: f64,
+}
+
+fn measure(file: &File, scene: &Scene, folder: &Path) -> Result<Row, Box<dyn Error>> {
     let path = folder.join(file.name);
     let mut options = WriteOptions::default();
+    options.overwrite = true;
     (file.set)(&mut options);
     let mut writer = Writer::create(&path, Some(scene.geometry), &options)?;
     let t_last = scene.tensor_window.t1;
@@ -61,28 +105,30 @@ fn measure(file: &File, scene: &Scene, folder: &Path) -> Result<(), Box<dyn std:
     let mut options = OpenOptions::default();
     (file.say)(&mut options);
     let recording = open_with(&path, &options)?;
-    assert_eq!(read(&recording)?, scene.events.len() as u64);
+    let events = scene.events.len();
+    assert_eq!(read(&recording)?, events as u64);
 
-    let mevs = |time: Duration| scene.events.len() as f64 / time.as_secs_f64() / 1e6;
-    let mut times = rounds(|| timed(|| read(&recording)).0);
-    let blocks = mevs(median(&mut times));
-    let cores = allowed_cores()?.len();
-    let load = |threads| -> Result<f64, Box<dyn std::error::Error>> {
+    let mevs = |time: Duration| events as f64 / time.as_secs_f64() / 1e6;
+    let blocks = mevs(median(&mut rounds(|| timed(|| read(&recording)).0)));
+    let load = |threads| -> Result<f64, Box<dyn Error>> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
         let mut times = rounds(|| {
             let start = Instant::now();
             let loaded = pool.install(|| recording.load());
             let taken = start.elapsed();
-            assert_eq!(loaded.map(|loaded| loaded.len()).ok(), Some(scene.events.len()));
+            assert_eq!(loaded.map(|loaded| loaded.len()).ok(), Some(events));
             taken
         });
         Ok(mevs(median(&mut times)))
     };
-    let (one, all) = (load(1)?, load(cores)?);
-    let size = written.bytes as f64 / scene.events.len() as f64;
-    println!("{:<24} {size:>8.2} {blocks:>16.0} {one:>13.0} {all:>13.0} {:>6.2}", file.name, all / one);
-    std::fs::remove_file(&path)?;
-    Ok(())
+    Ok(Row {
+        file: file.name,
+        events,
+        bytes_per_event: written.bytes as f64 / events as f64,
+        blocks,
+        load_one_core: load(1)?,
+        load: load(allowed_cores()?.len())?,
+    })
 }
 
 fn rounds(mut once: impl FnMut() -> Duration) -> Vec<Duration> {
