@@ -19,11 +19,11 @@ import time
 PACKAGES = [
     "numpy==2.4.6",
     "evutils==0.3.18",
-    "eventcv==1.0.11",
+    "eventcv==1.0.8",
     "faery==0.7.1",
     "h5py==3.16.0",
     "hdf5plugin==7.1.0",
-    "rosbags==0.11.5",
+    "rosbags==0.11.9",
 ]
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 ENVIRONMENT = ROOT / "target" / "peers"
