@@ -16,6 +16,12 @@
 //! blocks, index, slices, summary, rebasing and checks come from that. Memory is bounded by [`Limits`] whatever the
 //! file says or how long it is.
 
+mod aedat2;
+#[cfg(feature = "aedat4")]
+mod aedat31;
+#[cfg(feature = "aedat4")]
+mod aedat4;
+mod aer_header;
 mod byte_cursor;
 mod check;
 mod container;
@@ -37,6 +43,8 @@ mod mcap;
 mod nmnist;
 mod open;
 mod output;
+#[cfg(feature = "aedat4")]
+mod packets;
 mod raw;
 mod recording;
 #[cfg(feature = "ros")]

@@ -3,7 +3,7 @@
 use crate::container::Container;
 use crate::input::Input;
 use crate::write::Create;
-use crate::{Error, ErrorKind, Limits, Recording, dat, nmnist, raw};
+use crate::{Error, ErrorKind, Limits, Recording, aedat2, dat, nmnist, raw};
 use lobula_core::Geometry;
 use lobula_core::wire::Encoding;
 use std::path::Path;
@@ -13,6 +13,11 @@ use std::sync::Arc;
 pub static FORMATS: &[Format] = &[
     dat::FORMAT,
     raw::FORMAT,
+    aedat2::FORMAT,
+    #[cfg(feature = "aedat4")]
+    crate::aedat31::FORMAT,
+    #[cfg(feature = "aedat4")]
+    crate::aedat4::FORMAT,
     #[cfg(feature = "ros")]
     crate::rosbag::FORMAT,
     #[cfg(feature = "ros")]

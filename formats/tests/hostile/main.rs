@@ -2,8 +2,11 @@
 #![allow(clippy::unwrap_used)] // helpers of tests may too
 
 use lobula_core::wire::Encoding;
-use lobula_core::{Event, Geometry, Polarity, Span};
-use lobula_formats::{Blocks, Error, OpenOptions, Summary, WithDigest, WriteOptions, Writer, open_with};
+use lobula_core::{Event, Geometry, Polarity, Span, Trigger};
+use lobula_formats::{
+    Blocks, Compression, Error, Frame, ImuSample, OpenOptions, PixelFormat, Summary, WithDigest,
+    WriteOptions, Writer, open_with,
+};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::Path;
@@ -92,6 +95,9 @@ macro_rules! targets {
 targets! {
     raw: Target { extension: "raw", wholes: raw, say: |_| {}, reached: [20_000, 10_000] },
     dat: Target { extension: "dat", wholes: dat, say: |_| {}, reached: [20_000, 5_000] },
+    aedat4: Target { extension: "aedat4", wholes: aedat4, say: |_| {}, reached: [20_000, 5_000] },
+    aedat31: Target { extension: "aedat", wholes: aedat31, say: |_| {}, reached: [20_000, 5_000] },
+    aedat2: Target { extension: "aedat", wholes: aedat2, say: |_| {}, reached: [20_000, 5_000] },
     nmnist: Target { extension: "bin", wholes: nmnist, say: |_| {}, reached: [20_000, 0] },
 }
 
@@ -109,6 +115,83 @@ fn dat(path: &Path) -> Vec<Vec<u8>> {
         v1(b"% Data file containing Event2d events.\n% Version 1\n"),
         v1(b"% Data file containing Event2d events.\n% Width 304\n% Height 240\n"),
     ]
+}
+
+/// Every kind of stream, in every kind of compression.
+fn aedat4(path: &Path) -> Vec<Vec<u8>> {
+    let geometry = Geometry::new(346, 260);
+    let mut wholes = Vec::new();
+    for compression in [Compression::None, Compression::Lz4, Compression::Zstd] {
+        let mut options = WriteOptions::default();
+        (options.overwrite, options.compression) = (true, Some(compression));
+        let mut writer = Writer::create(path, Some(geometry), &options).unwrap();
+        for i in 0..120u64 {
+            let t = 1_000 + i * i * i * 37;
+            let run =
+                [0, 1, 2, 5].map(|x| Event::new(t as u32, 64 + x, i as u16, Polarity::from_bit(i as u16)));
+            writer.write(Span { t_first: t, t_last: t, geometry, events: &run }).unwrap();
+            if i % 40 == 20 {
+                writer
+                    .write_trigger(Trigger { t, ordinal: 0, channel: (i / 60) as u8, edge: Polarity::On })
+                    .unwrap();
+                let magnetic_field = (i > 60).then_some([1.0, 2.0, 3.0]);
+                writer.write_imu(&ImuSample { t, magnetic_field, ..ImuSample::default() }).unwrap();
+                let exposure = Some(t..t + 50);
+                let (format, pixels) = (PixelFormat::Gray8, (0..20).collect());
+                let frame = Frame { t, exposure, x: 1, y: 2, width: 5, height: 4, format, pixels };
+                writer.write_frame(frame).unwrap();
+            }
+        }
+        writer.finish().unwrap();
+        wholes.push(std::fs::read(path).unwrap());
+    }
+    wholes
+}
+
+/// Every kind of packet, two of each.
+fn aedat31(_: &Path) -> Vec<Vec<u8>> {
+    let head = b"#!AER-DAT3.1\r\n#Format: RAW\r\n#Source 1: DAVIS240C\r\n#!END-HEADER\r\n";
+    let mut bytes = head.to_vec();
+    let mut packet = |number: i16, time: i32, overflow: i32, events: Vec<Vec<i32>>| {
+        bytes.extend([number.to_le_bytes(), 1i16.to_le_bytes()].concat());
+        let count = events.len() as i32;
+        let head = [events[0].len() as i32 * 4, time, overflow, count, count, count];
+        let words = head.into_iter().chain(events.into_iter().flatten());
+        bytes.extend(words.flat_map(i32::to_le_bytes));
+    };
+    for part in 0..2 {
+        let polarity = |i: i32| vec![(i % 240) << 17 | (i % 180) << 2 | (i & 1) << 1 | 1, i * 8_000_000];
+        packet(1, 4, part, (0..240).map(polarity).collect());
+        packet(0, 4, part, (0..14).map(|kind| vec![kind << 1 | 1, kind]).collect());
+        packet(3, 4, part, (0..3).map(|i| [vec![1, i], vec![0x3F80_0000; 7]].concat()).collect());
+        packet(4, 4, part, (0..3).map(|i| [vec![1, i], vec![0x3F80_0000; 10]].concat()).collect());
+        let frame = |channels: i32| [vec![channels << 1 | 1, 1, 9, 2, 8, 2, 3, 4, 5], vec![77; 12]].concat();
+        packet(2, 12, part, [1, 3, 4].map(frame).to_vec());
+    }
+    vec![bytes]
+}
+
+/// Both layouts: events, triggers, and of the DAVIS words of the inertial sensor and of two frames.
+fn aedat2(_: &Path) -> Vec<Vec<u8>> {
+    let file = |chip: &str, address: &dyn Fn(u32) -> u32, others: &[u32]| {
+        let mut bytes = format!("#!AER-DAT2.0\r\n# AEChip: {chip}\r\n# End of ASCII Header\r\n").into_bytes();
+        let events = (0..480).map(address).enumerate();
+        for (i, event) in events {
+            let time = (i as u32).wrapping_mul(9_000_000).to_be_bytes();
+            let other = others.get(i % 40).filter(|_| i % 2 == 0 && i < 80);
+            for address in [Some(&event), other].into_iter().flatten() {
+                bytes.extend_from_slice(&address.to_be_bytes());
+                bytes.extend_from_slice(&time);
+            }
+        }
+        bytes
+    };
+    let reads = (0..8).map(|i| 1 << 31 | (i & 3) << 12 | (i >> 2) << 10 | (700 - 80 * i));
+    let words = (0..7).map(|which| 1 << 31 | which << 28 | 77 << 12 | 3 << 10);
+    let others: Vec<u32> = reads.chain(words).chain([0x402, 0x403]).flat_map(|word| [word, word]).collect();
+    let davis = file("Davis346", &|i| (i % 260) << 22 | (i % 346) << 12 | (i & 1) << 11, &others);
+    let dvs128 = file("DVS128", &|i| (i % 128) << 8 | (i % 100) << 1 | i & 1, &[0x8000]);
+    vec![davis, dvs128]
 }
 
 fn nmnist(_: &Path) -> Vec<Vec<u8>> {

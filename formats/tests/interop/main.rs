@@ -7,7 +7,10 @@
 
 use lobula_core::wire::{Encoding, WordOrder};
 use lobula_core::{Event, Geometry, Polarity, Span, Trigger};
-use lobula_formats::{OpenOptions, Summary, WithDigest, WriteOptions, Writer, open_with};
+use lobula_formats::{
+    Compression, CopyOptions, Frame, ImuSample, LeftOut, OpenOptions, Recording, Summary, WithDigest,
+    WriteOptions, Writer, copy, open_with,
+};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -15,6 +18,8 @@ use std::process::Command;
 /// What is installed, without what it depends on for other formats than these.
 const PACKAGES: &[&str] = &[
     "numpy==2.4.6",
+    "aedat==2.3.0",
+    "dv-processing==2.0.4",
     "faery==0.7.1",
     "evlib==0.13.2",
     "evutils==0.3.18",
@@ -25,13 +30,15 @@ const PACKAGES: &[&str] = &[
 /// A file that we write.
 struct File {
     name: &'static str,
+    /// The sensor's size.
+    size: Geometry,
     set: fn(&mut WriteOptions),
     /// What must be said of it when it is read back.
     say: fn(&mut OpenOptions),
 }
 
 const fn file(name: &'static str, set: fn(&mut WriteOptions)) -> File {
-    File { name, set, say: |_| {} }
+    File { name, size: Geometry::new(1280, 720), set, say: |_| {} }
 }
 
 /// Every format and kind of file that we write.
@@ -41,15 +48,25 @@ const FILES: &[File] = &[
     file("evt21-legacy.raw", |options| options.encoding = Some(Encoding::Evt21(WordOrder::Legacy))),
     file("evt3.raw", |options| options.encoding = Some(Encoding::Evt3)),
     file("cd.dat", |_| {}),
+    File { size: Geometry::new(346, 260), ..file("davis346.aedat", |_| {}) },
+    file("none.aedat4", |options| options.compression = Some(Compression::None)),
+    file("lz4.aedat4", |options| options.compression = Some(Compression::Lz4)),
+    file("lz4-high.aedat4", |options| options.compression = Some(Compression::Lz4High)),
+    file("zstd.aedat4", |options| options.compression = Some(Compression::Zstd)),
+    file("zstd-high.aedat4", |options| options.compression = Some(Compression::ZstdHigh)),
 ];
 
 /// Which reads what, found by trial. Of EVT 2.1 each knows one word order or none. faery 0.7.1 counts no wrap of EVT3
 /// before the first event, and expelliarmus 1.1.12 adds 4096 µs at some TIME_HIGH words and stops at triggers.
 const PEERS: &[(&str, &[&str])] = &[
     ("faery", &["evt2.raw", "cd.dat"]),
+    ("dv", AEDAT4),
+    ("aedat", AEDAT4),
     ("evlib", &["evt2.raw", "evt21-little.raw", "evt3.raw"]),
-    ("evutils", &["evt2.raw", "evt21-legacy.raw", "evt3.raw", "cd.dat"]),
+    ("evutils", &["evt2.raw", "evt21-legacy.raw", "evt3.raw", "cd.dat", "davis346.aedat"]),
 ];
+
+const AEDAT4: &[&str] = &["none.aedat4", "lz4.aedat4", "lz4-high.aedat4", "zstd.aedat4", "zstd-high.aedat4"];
 
 #[test]
 fn every_file_has_a_reader() {
@@ -81,7 +98,7 @@ fn others_read_what_we_write() {
 fn written(path: &Path, file: &File) -> String {
     let mut options = WriteOptions::default();
     (file.set)(&mut options);
-    write(path, &options);
+    write(path, file.size, &options);
     let mut options = OpenOptions::default();
     (file.say)(&mut options);
     let summary = Summary::of(&open_with(path, &options).unwrap(), WithDigest::Yes).unwrap();
@@ -91,8 +108,8 @@ fn written(path: &Path, file: &File) -> String {
 
 /// Runs, single events, triggers and silence over more than one wrap of EVT3, from 100 s on; times never step back,
 /// which some of the programs take for a wrap.
-fn write(path: &Path, options: &WriteOptions) {
-    let geometry = Geometry::new(1280, 720);
+fn write(path: &Path, geometry: Geometry, options: &WriteOptions) {
+    let [width, height] = [geometry.width, geometry.height].map(u64::from);
     let mut writer = Writer::create(path, Some(geometry), options).unwrap();
     let mut t = 100_000_000u64;
     for i in 0..5_000u64 {
@@ -101,7 +118,7 @@ fn write(path: &Path, options: &WriteOptions) {
             _ => i * i % 71,
         };
         let polarity = Polarity::from_bit((i / 3) as u16);
-        let event = |x: u64| Event::new(t as u32, (x % 1280) as u16, (i * 7 % 720) as u16, polarity);
+        let event = |x: u64| Event::new(t as u32, (x % width) as u16, (i * 7 % height) as u16, polarity);
         let events = [i * 131, i * 131 + 1, i * 131 + 5, i * 17].map(event);
         writer.write(Span { t_first: t, t_last: t, geometry, events: &events }).unwrap();
         if i % 100 == 50 {
@@ -109,6 +126,76 @@ fn write(path: &Path, options: &WriteOptions) {
         }
     }
     writer.finish().unwrap();
+}
+
+/// Every kind of stream that dv-processing writes is read, copied, and read by it again.
+#[test]
+#[ignore = "makes a Python environment: see the top of the file"]
+fn dv_streams_both_ways() {
+    let python = python();
+    let folder = tempfile::tempdir().unwrap();
+    let (theirs, ours) = (folder.path().join("theirs.aedat4"), folder.path().join("ours.aedat4"));
+    for compression in Compression::ALL.into_iter().take(5) {
+        let name = compression.name().to_uppercase().replace('-', "_");
+        let mut wrote = streams(&python, &["write", theirs.to_str().unwrap(), &name]);
+        let recording = open_with(&theirs, &OpenOptions::default()).unwrap();
+        assert_eq!(wrote, lines(&recording), "{name}");
+        let mut options = WriteOptions::default();
+        (options.compression, options.overwrite) = (Some(compression), true);
+        let mut writer = Writer::create(&ours, recording.geometry(), &options).unwrap();
+        copy(&recording, &mut writer, CopyOptions::default()).unwrap();
+        assert_eq!(writer.finish().unwrap().left_out, LeftOut::default());
+        assert_eq!(wrote, lines(&open_with(&ours, &OpenOptions::default()).unwrap()), "{name}");
+        // It reads one stream of triggers.
+        wrote.retain(|line| !(line.starts_with("trigger") && line.contains(" 1 ")));
+        assert_eq!(wrote, streams(&python, &["read", ours.to_str().unwrap()]), "{name}");
+    }
+}
+
+/// What `streams.py` prints, sorted.
+fn streams(python: &Path, arguments: &[&str]) -> Vec<String> {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/interop/streams.py");
+    let output = Command::new(python).arg(script).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut lines: Vec<_> = String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect();
+    lines.sort();
+    lines
+}
+
+/// The same of a recording.
+fn lines(recording: &Recording) -> Vec<String> {
+    let mut lines = Vec::new();
+    let mut blocks = recording.blocks();
+    while let Some(chunk) = blocks.next_block().unwrap() {
+        let span = chunk.span();
+        let event = |one: &Event| {
+            format!("event {} {} {} {}", span.time(*one), one.x(), one.y(), u8::from(one.is_on()))
+        };
+        lines.extend(span.events.iter().map(event));
+        let trigger = |one: &Trigger| format!("trigger {} {} {}", one.t, one.channel, one.edge as u8);
+        lines.extend(chunk.triggers.iter().map(trigger));
+    }
+    lines.extend(recording.imu().map(|sample| sample_line(&sample.unwrap())));
+    lines.extend(recording.frames().map(|frame| frame_line(&frame.unwrap())));
+    lines.sort();
+    lines
+}
+
+fn sample_line(sample: &ImuSample) -> String {
+    let numbers = [sample.temperature.unwrap_or_default()]
+        .into_iter()
+        .chain(sample.acceleration.map(|a| a / 9.80665))
+        .chain(sample.rotation.map(f64::to_degrees))
+        .chain(sample.magnetic_field.unwrap_or_default());
+    let numbers: Vec<_> = numbers.map(|number| ((number * 64.0).round() as i64).to_string()).collect();
+    format!("imu {} {}", sample.t, numbers.join(" "))
+}
+
+fn frame_line(frame: &Frame) -> String {
+    let Frame { t, exposure, x, y, width, height, format, pixels } = frame;
+    let exposure = exposure.as_ref().map_or(0, |exposure| exposure.end - exposure.start);
+    let total: u64 = (0..).zip(pixels).map(|(i, byte)| i % 251 * u64::from(*byte)).sum();
+    format!("frame {t} {exposure} {x} {y} {width} {height} {} 1 {total}", format.bytes())
 }
 
 /// The interpreter of an environment with the packages; made at the first run, again when the list changes.

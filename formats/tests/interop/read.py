@@ -1,4 +1,4 @@
-"""Reads RAW files by libraries of others: `read.py PEER FILE...` prints a line `events sha256` for each file."""
+"""Reads files by libraries of others: `read.py PEER FILE...` prints a line `events sha256` for each file."""
 
 import hashlib
 import sys
@@ -16,6 +16,25 @@ def faery(path):
     return events["t"], events["x"], events["y"], events["on"]
 
 
+def dv(path):
+    import dv_processing
+
+    recording = dv_processing.io.MonoCameraRecording(path)
+    batches = []
+    while (batch := recording.getNextEventBatch()) is not None:
+        batches.append(batch.numpy())
+    events = np.concatenate(batches)
+    return events["timestamp"], events["x"], events["y"], events["polarity"]
+
+
+def aedat(path):
+    import aedat
+
+    packets = (packet for packet in aedat.Decoder(path) if "events" in packet)
+    events = np.concatenate([packet["events"] for packet in packets])
+    return events["t"], events["x"], events["y"], events["on"]
+
+
 def evlib(path):
     import evlib
 
@@ -28,10 +47,12 @@ def evutils(path):
     from evutils.io import EventReader
 
     events = np.concatenate(list(EventReader(path)))
+    if path.endswith(".aedat"):  # as the file has them, mirrored
+        return events["t"], 345 - events["x"], 259 - events["y"], events["p"]
     return events["t"], events["x"], events["y"], events["p"]
 
 
-peer = {read.__name__: read for read in (faery, evlib, evutils)}[sys.argv[1]]
+peer = {read.__name__: read for read in (faery, dv, aedat, evlib, evutils)}[sys.argv[1]]
 for path in sys.argv[2:]:
     columns = peer(path)
     events = np.empty(len(columns[0]), DIGEST)

@@ -29,6 +29,20 @@ const TARGETS: &[Target] = &[
     Target { name: "evt21.raw", set: |o| o.encoding = Some(LITTLE), say: |_| {}, triggers: true },
     Target { name: "evt21-legacy.raw", set: |o| o.encoding = Some(LEGACY), say: |_| {}, triggers: true },
     Target { name: "evt3.raw", set: |o| o.encoding = Some(Encoding::Evt3), say: |_| {}, triggers: true },
+    Target {
+        name: "none.aedat4",
+        set: |o| o.compression = Some(Compression::None),
+        say: |_| {},
+        triggers: true,
+    },
+    Target { name: "lz4.aedat4", set: |_| {}, say: |_| {}, triggers: true },
+    Target {
+        name: "zstd.aedat4",
+        set: |o| o.compression = Some(Compression::Zstd),
+        say: |_| {},
+        triggers: true,
+    },
+    Target { name: "aedat2.aedat", set: |_| {}, say: |_| {}, triggers: true },
     Target { name: "cd.dat", set: |_| {}, say: |_| {}, triggers: false },
     Target { name: "plain.bag", set: |_| {}, say: |_| {}, triggers: false },
     Target { name: "bz2.bag", set: |o| o.compression = Some(Compression::Bz2), say: |_| {}, triggers: false },
@@ -66,6 +80,14 @@ const REFUSALS: &[(&str, &str, &str)] = &[
     ("mcap", ".mcap", "beyond the 2^40 µs"),
     ("rosbag_dvs_msgs", ".mcap", "beyond the 2^40 µs"),
     ("text_rpg_seconds", ".mcap", "beyond the 2^40 µs"),
+    ("aedat4_davis346", ".aedat", "beyond the 2^31 µs"),
+    ("aedat4_dvxplorer", ".aedat", "beyond the 2^31 µs"),
+    ("mcap", ".aedat", "beyond the 2^31 µs"),
+    ("rosbag_dvs_msgs", ".aedat", "beyond the 2^31 µs"),
+    ("text_rpg_seconds", ".aedat", "beyond the 2^31 µs"),
+    ("rosbag2", ".aedat", "holds sensors up to 1024x512"),
+    ("evt21", ".aedat", "holds sensors up to 1024x512"),
+    ("evt3", ".aedat", "holds sensors up to 1024x512"),
 ];
 
 #[test]

@@ -37,6 +37,11 @@ pub const SAMPLES: &[Sample] = &[
     sample("rosbag_dvs_msgs_lz4.bag"),
     sample("mcap_libcaer_cmp_davis346.mcap"),
     sample("rosbag2_evt3_trigger.db3"),
+    sample("aedat2_davis346.aedat"),
+    sample("aedat4_davis346_lz4.aedat4"),
+    sample("aedat4_davis346_none.aedat4"),
+    sample("aedat4_davis346_zstd.aedat4"),
+    sample("aedat4_dvxplorer_320x240.aedat4"),
 ];
 
 /// Those that hold a camera's bytes in order.
