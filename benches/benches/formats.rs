@@ -9,7 +9,7 @@ use lobula_benches::clock::{allowed_cores, median, timed};
 use lobula_benches::input::{EVENTS, Scene};
 use lobula_core::Span;
 use lobula_core::wire::Encoding;
-use lobula_formats::{OpenOptions, Recording, WriteOptions, Writer, open_with};
+use lobula_formats::{Compression, OpenOptions, Recording, WriteOptions, Writer, open_with};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -30,6 +30,9 @@ const FILES: &[File] = &[
     file("evt2.raw", |options| options.encoding = Some(Encoding::Evt2)),
     file("evt21.raw", |options| options.encoding = Encoding::from_name("evt21")),
     file("evt3.raw", |options| options.encoding = Some(Encoding::Evt3)),
+    file("none.aedat4", |options| options.compression = Some(Compression::None)),
+    file("lz4.aedat4", |options| options.compression = Some(Compression::Lz4)),
+    file("zstd.aedat4", |options| options.compression = Some(Compression::Zstd)),
 ];
 
 /// How often each is read.

@@ -160,6 +160,7 @@ fn bits(address: u32, shift: u32, count: u32) -> i64 {
 }
 
 /// The size of a sensor by a name that contains its chip's.
+#[cfg(feature = "aedat4")]
 pub(crate) fn sensor_size(name: &str) -> Option<Geometry> {
     Chip::named(name).map(|chip| chip.geometry)
 }

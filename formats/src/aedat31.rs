@@ -18,7 +18,7 @@
 
 use crate::aer_header::AerHeader;
 use crate::byte_cursor::Bad;
-use crate::container::{Container, Cursor, Items};
+use crate::container::{Container, Cursor, Items, Piece};
 use crate::input::Input;
 use crate::intake::{Intake, Taken};
 use crate::open::Probe;
@@ -391,6 +391,10 @@ impl Container for Aedat31Recording {
 
     fn start(&self) -> Box<dyn Cursor> {
         Box::new(PacketCursor::new(self.file.clone(), self.intake.clone()))
+    }
+
+    fn pieces(&self, n: usize) -> Result<Vec<Piece>, Error> {
+        PacketCursor::pieces(&self.file, &self.intake, n)
     }
 
     fn imu(&self) -> Items<ImuSample> {

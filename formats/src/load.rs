@@ -247,6 +247,25 @@ mod tests {
         }
     }
 
+    /// Whole, damaged in the middle of a packet, and cut.
+    #[cfg(feature = "aedat4")]
+    #[test]
+    fn packets_load_as_they_read() {
+        let folder = tempfile::tempdir().unwrap();
+        for file in ["aedat4_davis346_none", "aedat4_davis346_lz4", "aedat4_davis346_zstd"] {
+            let Some(path) = data(&format!("{file}.aedat4")) else { return };
+            assert!(open(&path).unwrap().container().pieces(16).unwrap().len() > 8, "{file} is cut");
+            check(&path);
+            let mut bytes = std::fs::read(&path).unwrap();
+            let middle = bytes.len() / 2;
+            bytes[middle..middle + 60_000].fill(0x55);
+            bytes.truncate(middle + 300_000);
+            let path = folder.path().join(file);
+            std::fs::write(&path, bytes).unwrap();
+            check(&path);
+        }
+    }
+
     /// Wraps, silence of more than one wrap, steps back, vectors, triggers; and single events, which tell no base.
     #[test]
     fn wraps_are_counted_across_pieces() {

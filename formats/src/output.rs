@@ -37,11 +37,13 @@ impl Output {
     }
 
     /// Replaces bytes that were written before.
+    #[allow(dead_code)] // for formats that are features
     pub fn write_at(&mut self, offset: u64, bytes: &[u8]) -> Result<(), Error> {
         self.file.write_all_at(bytes, offset).map_err(|source| Error::io(&self.path, "writing it", source))
     }
 
     /// Bytes written.
+    #[allow(dead_code)] // for formats that are features
     pub fn len(&self) -> u64 {
         self.len
     }

@@ -6,7 +6,7 @@
 //! read.
 
 use crate::byte_cursor::Bad;
-use crate::container::{Cursor, Stop};
+use crate::container::{Cursor, Piece, Stop};
 use crate::input::Input;
 use crate::intake::{Intake, Taken};
 use crate::{Error, ErrorKind, Frame, ImuSample};
@@ -161,23 +161,28 @@ impl Packet {
 struct Walk<P> {
     packets: Arc<P>,
     next: u64,
+    /// Where another goes on, in a recording that is read in pieces; else beyond everything.
+    stop: u64,
 }
 
 impl<P> Clone for Walk<P> {
     fn clone(&self) -> Self {
-        Self { packets: self.packets.clone(), next: self.next }
+        Self { packets: self.packets.clone(), next: self.next, stop: self.stop }
     }
 }
 
 impl<P: Packets> Walk<P> {
     fn new(packets: Arc<P>) -> Self {
-        Self { next: packets.range().start, packets }
+        Self { next: packets.range().start, packets, stop: u64::MAX }
     }
 
     fn next(&mut self, counters: &mut Counters) -> Result<Option<Packet>, Error> {
         let end = self.packets.range().end;
         loop {
             let start = self.next;
+            if start >= self.stop {
+                return Ok(None);
+            }
             if start >= end {
                 // What comes after the packets.
                 let len = self.packets.input().len().max(start);
@@ -369,7 +374,31 @@ pub(crate) struct PacketCursor<P: Packets> {
 
 impl<P: Packets> PacketCursor<P> {
     pub fn new(packets: Arc<P>, intake: Intake) -> Self {
-        Self { walk: Walk::new(packets), intake, current: None, body: Body::default() }
+        Self::over(Walk::new(packets), intake)
+    }
+
+    fn over(walk: Walk<P>, intake: Intake) -> Self {
+        Self { walk, intake, current: None, body: Body::default() }
+    }
+
+    /// About `n` cursors over a stretch of packets each, which together are the whole.
+    pub fn pieces(packets: &Arc<P>, intake: &Intake, n: usize) -> Result<Vec<Piece>, Error> {
+        let range = packets.range();
+        let stride = (range.end - range.start) / n.max(1) as u64;
+        let mut starts = vec![range.start];
+        let mut walk = Walk::new(packets.clone());
+        // What is damaged is found again, and counted then.
+        while let Some(packet) = walk.next(&mut Counters::new())? {
+            if packet.start >= range.start + (stride * starts.len() as u64).max(1) {
+                starts.push(packet.start);
+            }
+        }
+        let stops: Vec<_> = starts.iter().copied().skip(1).chain([u64::MAX]).collect();
+        let piece = |(next, stop)| {
+            let walk = Walk { packets: packets.clone(), next, stop };
+            Piece { cursor: Box::new(Self::over(walk, intake.clone())), wrap_us: 0 }
+        };
+        Ok(starts.into_iter().zip(stops).map(piece).collect())
     }
 }
 
