@@ -33,6 +33,9 @@ const FILES: &[File] = &[
     file("none.aedat4", |options| options.compression = Some(Compression::None)),
     file("lz4.aedat4", |options| options.compression = Some(Compression::Lz4)),
     file("zstd.aedat4", |options| options.compression = Some(Compression::Zstd)),
+    file("none.h5", |options| options.compression = Some(Compression::None)),
+    file("gzip.h5", |options| options.compression = Some(Compression::Gzip)),
+    file("zstd.h5", |options| options.compression = Some(Compression::Zstd)),
 ];
 
 /// How often each is read.

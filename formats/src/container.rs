@@ -1,8 +1,10 @@
 //! What a format owes: everything else (blocks, index, slices, summary) is made from it, once for all formats.
 
+use crate::index::Seek;
 use crate::{Error, Format, Frame, ImuSample, Payload, Stream, StreamKind};
 use lobula_core::wire::Encoding;
 use lobula_core::{Counters, Geometry, Sink};
+use std::ops::Range;
 use std::path::Path;
 
 /// A file that was opened and whose header was read.
@@ -54,6 +56,13 @@ pub(crate) trait Container: Send + Sync + std::fmt::Debug {
     fn pieces(&self, n: usize) -> Result<Vec<Piece>, Error> {
         let _ = n;
         Ok(vec![Piece { cursor: self.start(), wrap_us: 0 }])
+    }
+
+    /// From where to where to decode for everything of these times, where the format can tell without a pass over all
+    /// of its events; `Ok(None)` where nothing is of them. `None`: it cannot, the index is to be used.
+    fn seek_time(&self, t: &Range<u64>) -> Option<Result<Option<Seek>, Error>> {
+        let _ = t;
+        None
     }
 
     /// Samples of the inertial sensor, in file order.

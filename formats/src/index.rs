@@ -45,7 +45,7 @@ impl Times {
         }
     }
 
-    fn overlaps(self, t: &Range<u64>) -> bool {
+    pub(crate) fn overlaps(self, t: &Range<u64>) -> bool {
         self.t_min < t.end && self.t_max >= t.start
     }
 }

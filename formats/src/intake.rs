@@ -32,6 +32,11 @@ impl Intake {
         self.geometry
     }
 
+    /// What is added to every time, in µs.
+    pub fn shift_us(&self) -> i64 {
+        self.shift_us
+    }
+
     /// Takes an event that `bytes` of the file told.
     ///
     /// # Errors
@@ -75,7 +80,7 @@ impl Intake {
     /// Counts bytes that cannot be read.
     pub fn fault(&mut self, fault: Fault, bytes: u64) {
         self.counters.faults.count(fault);
-        self.counters.bytes_faulty += bytes;
+        self.counters.bytes_faulty = self.counters.bytes_faulty.saturating_add(bytes);
     }
 }
 

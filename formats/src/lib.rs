@@ -31,6 +31,8 @@ mod dat;
 mod db3;
 mod digest;
 mod error;
+#[cfg(feature = "hdf5")]
+mod hdf5;
 mod index;
 mod info;
 mod input;

@@ -24,6 +24,8 @@ pub static FORMATS: &[Format] = &[
     crate::mcap::FORMAT,
     #[cfg(feature = "ros")]
     crate::db3::FORMAT,
+    #[cfg(feature = "hdf5")]
+    crate::hdf5::FORMAT,
     nmnist::FORMAT,
 ];
 

@@ -117,7 +117,10 @@ impl Recording {
     /// # Errors
     /// Those of reading the file.
     pub fn slice_time(&self, t: Range<u64>) -> Result<Blocks, Error> {
-        let seek = self.index()?.seek_time(&t);
+        let seek = match self.container.seek_time(&t) {
+            Some(seek) => seek?,
+            None => self.index()?.seek_time(&t),
+        };
         Ok(self.slice(seek, Select::Time(t)))
     }
 
@@ -240,7 +243,8 @@ impl Blocks {
         self.cursor.position()
     }
 
-    /// What the decoder did, counted from the start of the recording.
+    /// What the decoder did, counted from the start of the recording; of a slice by time in HDF5, from where its
+    /// decoding started.
     pub fn counters(&self) -> Counters {
         self.cursor.counters()
     }

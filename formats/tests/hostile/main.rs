@@ -98,6 +98,7 @@ targets! {
     aedat4: Target { extension: "aedat4", wholes: aedat4, say: |_| {}, reached: [20_000, 5_000] },
     aedat31: Target { extension: "aedat", wholes: aedat31, say: |_| {}, reached: [20_000, 5_000] },
     aedat2: Target { extension: "aedat", wholes: aedat2, say: |_| {}, reached: [20_000, 5_000] },
+    hdf5: Target { extension: "h5", wholes: hdf5, say: |_| {}, reached: [20_000, 1000] },
     nmnist: Target { extension: "bin", wholes: nmnist, say: |_| {}, reached: [20_000, 0] },
 }
 
@@ -192,6 +193,13 @@ fn aedat2(_: &Path) -> Vec<Vec<u8>> {
     let davis = file("Davis346", &|i| (i % 260) << 22 | (i % 346) << 12 | (i & 1) << 11, &others);
     let dvs128 = file("DVS128", &|i| (i % 128) << 8 | (i % 100) << 1 | i & 1, &[0x8000]);
     vec![davis, dvs128]
+/// In both layouts, and with every filter that we write.
+fn hdf5(path: &Path) -> Vec<Vec<u8>> {
+    let compressions = [Compression::None, Compression::Gzip, Compression::Lz4, Compression::Zstd];
+    let own =
+        compressions.map(|compression| written(path, |options| options.compression = Some(compression)));
+    let dsec = written(path, |options| options.layout = Some("dsec".into()));
+    own.into_iter().chain([dsec]).collect()
 }
 
 fn nmnist(_: &Path) -> Vec<Vec<u8>> {

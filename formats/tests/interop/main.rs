@@ -23,6 +23,8 @@ const PACKAGES: &[&str] = &[
     "faery==0.7.1",
     "evlib==0.13.2",
     "evutils==0.3.18",
+    "h5py==3.16.0",
+    "hdf5plugin==7.1.0",
     "polars==2.1.0",
     "polars-runtime-32==2.1.0",
 ];
@@ -54,6 +56,11 @@ const FILES: &[File] = &[
     file("lz4-high.aedat4", |options| options.compression = Some(Compression::Lz4High)),
     file("zstd.aedat4", |options| options.compression = Some(Compression::Zstd)),
     file("zstd-high.aedat4", |options| options.compression = Some(Compression::ZstdHigh)),
+    file("gzip.h5", |_| {}),
+    file("none.h5", |options| options.compression = Some(Compression::None)),
+    file("lz4.h5", |options| options.compression = Some(Compression::Lz4)),
+    file("zstd.h5", |options| options.compression = Some(Compression::Zstd)),
+    file("dsec.h5", |options| options.layout = Some("dsec".into())),
 ];
 
 /// Which reads what, found by trial. Of EVT 2.1 each knows one word order or none. faery 0.7.1 counts no wrap of EVT3
@@ -64,6 +71,7 @@ const PEERS: &[(&str, &[&str])] = &[
     ("aedat", AEDAT4),
     ("evlib", &["evt2.raw", "evt21-little.raw", "evt3.raw"]),
     ("evutils", &["evt2.raw", "evt21-legacy.raw", "evt3.raw", "cd.dat", "davis346.aedat"]),
+    ("hdf5", &["gzip.h5", "none.h5", "lz4.h5", "zstd.h5", "dsec.h5"]),
 ];
 
 const AEDAT4: &[&str] = &["none.aedat4", "lz4.aedat4", "lz4-high.aedat4", "zstd.aedat4", "zstd-high.aedat4"];
@@ -92,6 +100,34 @@ fn others_read_what_we_write() {
         let ours: Vec<_> = names.iter().map(|name| ours[name].as_str()).collect();
         assert_eq!(told, ours, "{peer} of {names:?}: {}", String::from_utf8_lossy(&output.stderr));
     }
+}
+
+/// h5py and hdf5plugin write every kind of HDF5 file that we read.
+#[test]
+#[ignore = "makes a Python environment: see the top of the file"]
+fn we_read_what_others_write() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/interop/write_hdf5.py");
+    let output = Command::new(python()).arg(script).arg(folder.path()).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let told = String::from_utf8(output.stdout).unwrap();
+    let mut wrong = Vec::new();
+    for line in told.lines() {
+        let (name, events, sha256, say): (String, u64, String, BTreeMap<String, String>) =
+            serde_json::from_str(line).unwrap();
+        let mut options = OpenOptions::default();
+        options.time_unit = say.get("time_unit").map(|unit| unit.parse().unwrap());
+        options.columns = say.get("columns").map(|columns| columns.parse().unwrap());
+        options.topic = say.get("topic").cloned();
+        let summary = open_with(folder.path().join(&name), &options)
+            .and_then(|recording| Summary::of(&recording, WithDigest::Yes));
+        match summary {
+            Ok(summary) if summary.events == events && summary.sha256 == Some(sha256) => {}
+            Ok(summary) => wrong.push(format!("{name}: {summary:?}")),
+            Err(error) => wrong.push(error.to_string()),
+        }
+    }
+    assert!(told.lines().count() > 200 && wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 /// Writes the file; events and digest as we read them back.

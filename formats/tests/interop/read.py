@@ -52,7 +52,28 @@ def evutils(path):
     return events["t"], events["x"], events["y"], events["p"]
 
 
-peer = {read.__name__: read for read in (faery, dv, aedat, evlib, evutils)}[sys.argv[1]]
+def hdf5(path):
+    import h5py
+    import hdf5plugin  # noqa: F401 (its filters are there once it is imported)
+
+    with h5py.File(path) as file:
+        columns = {name: file["events"][name][:] for name in "txyp"}
+        t = columns["t"].astype("u8")
+        if "t_offset" in file:
+            # What the makers of DSEC promise of this index.
+            first = file["ms_to_idx"][:]
+            assert len(first) == t[-1] // 1000 + 1
+            assert all((t[first] >= 1000 * np.arange(len(first)))[1:])
+            assert all((t[first[1:] - 1] < 1000 * np.arange(1, len(first))))
+            t = t + file["t_offset"][()].astype("u8")
+        else:
+            assert (file["events"].attrs["width"], file["events"].attrs["height"]) == (1280, 720)
+            assert file["events"].attrs["time_unit"] in (b"us", "us")
+            assert file["events"].attrs["timestamp_scale_ms"] == 0.001
+    return t, columns["x"], columns["y"], columns["p"]
+
+
+peer = {read.__name__: read for read in (faery, dv, aedat, evlib, evutils, hdf5)}[sys.argv[1]]
 for path in sys.argv[2:]:
     columns = peer(path)
     events = np.empty(len(columns[0]), DIGEST)

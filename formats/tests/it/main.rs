@@ -3,6 +3,7 @@
 
 mod conversion;
 mod errors;
+mod hdf5;
 mod round_trip;
 mod slices;
 mod truth;

@@ -92,6 +92,9 @@ fn of_real_recordings() {
         "evt21_legacy_1280x720.raw",
         "evt3_gen41_1280x720.raw",
         "evt3_trigger_1280x720.raw",
+        "hdf5_dsec_blosc.h5",
+        "hdf5_gzip.h5",
+        "hdf5_prophesee_compound_zstd.h5",
     ] {
         let Some(path) = data(file) else { return };
         let recording = open(&path).unwrap();

@@ -42,6 +42,10 @@ pub const SAMPLES: &[Sample] = &[
     sample("aedat4_davis346_none.aedat4"),
     sample("aedat4_davis346_zstd.aedat4"),
     sample("aedat4_dvxplorer_320x240.aedat4"),
+    sample("hdf5_dsec_blosc.h5"),
+    sample("hdf5_e2vid_seconds.h5"),
+    sample("hdf5_gzip.h5"),
+    sample("hdf5_prophesee_compound_zstd.h5"),
 ];
 
 /// Those that hold a camera's bytes in order.
