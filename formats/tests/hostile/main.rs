@@ -193,6 +193,8 @@ fn aedat2(_: &Path) -> Vec<Vec<u8>> {
     let davis = file("Davis346", &|i| (i % 260) << 22 | (i % 346) << 12 | (i & 1) << 11, &others);
     let dvs128 = file("DVS128", &|i| (i % 128) << 8 | (i % 100) << 1 | i & 1, &[0x8000]);
     vec![davis, dvs128]
+}
+
 /// In both layouts, and with every filter that we write.
 fn hdf5(path: &Path) -> Vec<Vec<u8>> {
     let compressions = [Compression::None, Compression::Gzip, Compression::Lz4, Compression::Zstd];
