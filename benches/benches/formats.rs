@@ -36,6 +36,10 @@ const FILES: &[File] = &[
     file("none.h5", |options| options.compression = Some(Compression::None)),
     file("gzip.h5", |options| options.compression = Some(Compression::Gzip)),
     file("zstd.h5", |options| options.compression = Some(Compression::Zstd)),
+    file("none.bag", |_| {}),
+    file("lz4.bag", |options| options.compression = Some(Compression::Lz4)),
+    file("none.mcap", |_| {}),
+    file("zstd.mcap", |options| options.compression = Some(Compression::Zstd)),
 ];
 
 /// How often each is read.

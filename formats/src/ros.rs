@@ -185,6 +185,10 @@ fn choose(topics: &[Topic], path: &Path, options: &OpenOptions) -> Result<usize,
     }
     match events.as_slice() {
         [only] => Ok(*only),
+        [] if topics.is_empty() => {
+            let what = "holds no message that can be read: it ends before the first, or is damaged there";
+            Err(Error::new(ErrorKind::Malformed, path, what, "copy it again from where it was recorded"))
+        }
         [] => {
             let all = topics.iter().map(|topic| topic.name.as_str()).collect::<Vec<_>>().join(", ");
             let what = format!("has no topic of events that we read (its topics: {all})");

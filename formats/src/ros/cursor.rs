@@ -14,6 +14,9 @@ use std::sync::Arc;
 /// Most bytes that come before the events of a message: the frame's and the encoding's name are the only long ones.
 pub(crate) const HEAD_BYTES_MAX: usize = 4096;
 
+/// More bytes than any event or word has: where so many make none, what comes is no event.
+const UNIT_BYTES_MAX: usize = 64;
+
 /// A topic of events.
 #[derive(Debug)]
 pub(crate) struct EventTopic {
@@ -167,12 +170,13 @@ impl<L: Log> TopicCursor<L> {
             if step.full {
                 break true;
             }
-            if left == 0 || (step.taken == 0 && had == len) || had == 0 {
+            let rest = had - step.taken;
+            let stuck = step.taken == 0 && (had == len || had >= UNIT_BYTES_MAX);
+            if left == 0 || had == 0 || stuck {
                 break false;
             }
             // What was not taken is the start of an event that goes on in the next piece.
-            min = if step.taken == 0 { had + 1 } else { 1 };
-            min = min.max(if had == step.taken { 1 } else { had - step.taken + 1 });
+            min = rest + 1;
         };
         self.left = Some(left);
         if !full {

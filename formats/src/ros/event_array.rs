@@ -9,7 +9,7 @@
 //! event, CDR     the same, x at even bytes, s at multiples of 4: 13 bytes the first, 16 with padding each after it
 //! ```
 
-use super::fields::{Fields, Wire};
+use super::fields::{CDR_TAIL_BYTES_MAX, Fields, Wire};
 use crate::byte_cursor::{Bad, Step};
 use crate::intake::{Intake, Taken};
 use lobula_core::{Event, Fault, Geometry, Polarity, SPAN_MAX_US, Sink};
@@ -63,8 +63,11 @@ impl EventArrays {
         let body = bytes.saturating_sub(head.bytes as u64);
         let fits = match self.wire {
             Wire::Ros1 => body == events * EVENT_BYTES as u64,
-            Wire::Cdr if events == 0 => true,
-            Wire::Cdr => body >= EVENT_BYTES as u64 + (events - 1) * PADDED_BYTES as u64,
+            Wire::Cdr => {
+                let rest = events.saturating_sub(1) * PADDED_BYTES as u64;
+                let first = if events > 0 { EVENT_BYTES as u64 } else { 0 };
+                body.checked_sub(first + rest).is_some_and(|behind| behind <= CDR_TAIL_BYTES_MAX)
+            }
         };
         if fits {
             (self.left, self.first) = (head.events, true);
@@ -119,41 +122,77 @@ impl EventArrays {
         let most = if self.wire == Wire::Cdr && self.first { 1 } else { self.left as usize };
         let (events, _) = bytes.as_chunks::<STRIDE>();
         let events = events.get(..most.min(sink.room())).unwrap_or(events);
-        let Some(first) = events.first().and_then(|event| Raw::of::<PAD>(event)) else { return 0 };
-        let Some(first) = first.us().checked_add(self.shift_us).and_then(|t| u64::try_from(t).ok()) else {
-            return 0;
+        let time = |event: &[u8; STRIDE]| {
+            let t = Raw::of::<PAD>(event)?.us().checked_add(self.shift_us)?;
+            u64::try_from(t).ok()
         };
+        let Some(first) = events.first().and_then(time) else { return 0 };
         let anchor = if sink.is_empty() { first } else { sink.t_first() };
-        let near = Near { anchor, shift_us: self.shift_us, geometry: self.intake.geometry() };
-        let mut last = first;
+        let Some(near) = Near::new(anchor, self.shift_us, self.intake.geometry()) else { return 0 };
         let mut done = 0;
-        for (slot, event) in sink.spare().iter_mut().zip(events) {
-            let Some((t, event)) = Raw::of::<PAD>(event).and_then(|raw| near.event(raw)) else { break };
-            *slot = event;
-            last = t;
-            done += 1;
+        for (slots, events) in sink.spare().chunks_mut(BATCH).zip(events.chunks(BATCH)) {
+            let good = near.events::<STRIDE, PAD>(events, slots);
+            done += good;
+            if good < events.len() {
+                break;
+            }
         }
-        sink.commit(done, first, last);
+        let last = done.checked_sub(1).and_then(|last| events.get(last)).and_then(time);
+        sink.commit(done, first, last.unwrap_or(first));
         done
     }
 }
 
+/// Events checked at once.
+const BATCH: usize = 64;
+/// Low bits of the seconds that may differ within a block: 1024 s are near in any case.
+const NEAR_BITS: u32 = 10;
+const _: () = assert!((1 << NEAR_BITS) * 1_000_000 + u32::MAX as u64 / 1000 < SPAN_MAX_US);
+
 /// What a block takes without further looking.
 #[derive(Clone, Copy)]
 struct Near {
-    anchor: u64,
+    /// A second near all of them.
+    s: u32,
     shift_us: i64,
     geometry: Geometry,
 }
 
 impl Near {
+    /// Near a time in µs. `None` where a time near it could be negative: those are looked at one by one.
+    fn new(anchor: u64, shift_us: i64, geometry: Geometry) -> Option<Self> {
+        let unshifted = i64::try_from(anchor).ok()?.checked_sub(shift_us)?;
+        let s = u32::try_from(unshifted / 1_000_000).ok()?;
+        let least = i64::from(s >> NEAR_BITS << NEAR_BITS) * 1_000_000;
+        (least.checked_add(shift_us)? >= 0).then_some(Self { s, shift_us, geometry })
+    }
+
+    /// Writes events as long as each is near and on the sensor; how many.
     #[inline(always)]
-    fn event(&self, raw: Raw) -> Option<(u64, Event)> {
-        let t = raw.us().wrapping_add(self.shift_us) as u64;
-        let near = t.wrapping_sub(self.anchor).wrapping_add(SPAN_MAX_US - 1) < 2 * SPAN_MAX_US - 1;
-        // A negative time is beyond any that is near: then the sink's own is beyond 2^63 too.
-        let good = near && t >> 63 == 0 && self.geometry.contains(raw.x, raw.y);
-        good.then(|| (t, Event::new(t as u32, raw.x, raw.y, Polarity::from_bit(u16::from(raw.p != 0)))))
+    fn events<const STRIDE: usize, const PAD: usize>(
+        &self,
+        events: &[[u8; STRIDE]],
+        slots: &mut [Event],
+    ) -> usize {
+        let (mut far, mut on_sensor) = (0, true);
+        // All of them first, and one check for all: it fails seldom.
+        for (slot, event) in slots.iter_mut().zip(events) {
+            let Some(raw) = Raw::of::<PAD>(event) else { return 0 };
+            far |= raw.s ^ self.s;
+            on_sensor &= (raw.x < self.geometry.width) & (raw.y < self.geometry.height);
+            *slot = self.event(raw);
+        }
+        if far >> NEAR_BITS == 0 && on_sensor {
+            return events.len();
+        }
+        let good = |raw: Raw| (raw.s ^ self.s) >> NEAR_BITS == 0 && self.geometry.contains(raw.x, raw.y);
+        events.iter().take_while(|event| Raw::of::<PAD>(*event).is_some_and(good)).count()
+    }
+
+    #[inline(always)]
+    fn event(&self, raw: Raw) -> Event {
+        let t = raw.s.wrapping_mul(1_000_000).wrapping_add(raw.ns / 1000).wrapping_add(self.shift_us as u32);
+        Event::new(t, raw.x, raw.y, Polarity::from_bit(u16::from(raw.p != 0)))
     }
 }
 
@@ -190,6 +229,7 @@ impl EventArrays {
     pub fn finish(&mut self, unread: u64) {
         match (self.left, unread) {
             (0, unread) => self.intake.other(unread),
+            (_, 0) => {}
             _ => self.intake.fault(Fault::CutShort, unread),
         }
         self.left = 0;

@@ -9,8 +9,8 @@
 //! `evt3`, `evt2`, `evt21`: the bytes go on from message to message, time_base says nothing; a seq that is missing
 //! is a gap. `libcaer_cmp`: every message begins anew at time_base.
 
-use super::fields::{Fields, Stamp, Wire};
-use super::libcaer_cmp;
+use super::fields::{CDR_TAIL_BYTES_MAX, Fields, Stamp, Wire};
+use super::{libcaer_cmp, log};
 use crate::byte_cursor::{Bad, Step};
 use crate::intake::Intake;
 use crate::{OpenOptions, raw};
@@ -109,8 +109,11 @@ impl EventPackets {
 
     /// Begins with a message of `bytes` bytes; false where it is another encoding's or not as long as it says.
     pub fn begin(&mut self, head: Head<'_>, bytes: u64) -> bool {
-        let fits = bytes.saturating_sub(head.bytes as u64) >= u64::from(head.events_bytes);
-        if !fits || head.is_bigendian || encoding(head.encoding) != Some(self.encoding()) {
+        let behind = bytes.saturating_sub(head.bytes as u64).checked_sub(head.events_bytes.into());
+        if behind.is_none_or(|behind| behind > CDR_TAIL_BYTES_MAX)
+            || head.is_bigendian
+            || encoding(head.encoding) != Some(self.encoding())
+        {
             return false;
         }
         self.mind_gaps(&head);
@@ -162,11 +165,9 @@ impl EventPackets {
 
     /// The message ends after these bytes that were not taken.
     pub fn finish(&mut self, unread: u64) {
-        if self.left == 0 {
-            self.counters.bytes_decoded += unread;
-        } else {
-            self.counters.faults.count(Fault::CutShort);
-            self.counters.bytes_faulty += unread;
+        match self.left {
+            0 => self.counters.bytes_decoded += unread,
+            _ => log::fault(&mut self.counters, Fault::CutShort, unread),
         }
         self.left = 0;
     }

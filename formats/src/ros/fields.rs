@@ -17,6 +17,9 @@ pub(crate) enum Wire {
 /// Bytes before the fields of CDR.
 pub(crate) const CDR_HEAD: [u8; 4] = [0, 1, 0, 0];
 
+/// Most bytes that may follow the last field: CDR is padded by some.
+pub(crate) const CDR_TAIL_BYTES_MAX: u64 = 7;
+
 /// A reader of fields; `None` is the end of the bytes or something no message holds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fields<'a> {

@@ -56,7 +56,9 @@ impl Packing {
                 packer.finish()
             }
             Self::Lz4 => {
-                let info = lz4_flex::frame::FrameInfo::new().content_checksum(true);
+                // Of a file that is cut, whole blocks can be read: small ones, then.
+                let block = lz4_flex::frame::BlockSize::Max64KB;
+                let info = lz4_flex::frame::FrameInfo::new().content_checksum(true).block_size(block);
                 let mut packer = lz4_flex::frame::FrameEncoder::with_frame_info(info, Vec::new());
                 packer.write_all(bytes)?;
                 packer.finish().map_err(io::Error::from)
@@ -91,22 +93,22 @@ impl Packed {
     pub fn unpack(&self, input: &Arc<Input>, bytes: usize, out: &mut Vec<u8>) -> Result<Unpacked, Error> {
         let mut packed = PackedBytes { input, range: self.range.clone(), failed: None };
         let source = io::BufReader::with_capacity(READ_BYTES, &mut packed);
-        let len = match self.packing {
+        let (len, ended) = match self.packing {
             Packing::Plain => read_all(source, bytes, out),
-            Packing::Bz2 => read_all(bzip2::bufread::MultiBzDecoder::new(source), bytes, out),
+            Packing::Bz2 => read_all(bzip2::bufread::BzDecoder::new(source), bytes, out),
             Packing::Lz4 => read_all(lz4_flex::frame::FrameDecoder::new(source), bytes, out),
             Packing::Zstd => match zstd::stream::read::Decoder::with_buffer(source) {
                 Ok(mut decoder) => match decoder.window_log_max(ZSTD_WINDOW_LOG_MAX) {
                     Ok(()) => read_all(decoder, bytes, out),
-                    Err(_) => 0,
+                    Err(_) => (0, false),
                 },
-                Err(_) => 0,
+                Err(_) => (0, false),
             },
         };
         if let Some(failed) = packed.failed {
             return Err(failed);
         }
-        if len < bytes {
+        if len < bytes || !ended {
             let cut = self.range.end > input.len();
             return Ok(if cut { Unpacked::Cut(len) } else { Unpacked::Damaged });
         }
@@ -115,8 +117,9 @@ impl Packed {
     }
 }
 
-/// Fills the first `bytes` of `out`; how many there were before the end or an error.
-fn read_all(mut source: impl Read, bytes: usize, out: &mut Vec<u8>) -> usize {
+/// Fills the first `bytes` of `out`; how many there were before the end or an error, and whether the end is good: only
+/// there are checksums compared.
+fn read_all(mut source: impl Read, bytes: usize, out: &mut Vec<u8>) -> (usize, bool) {
     let mut len = 0;
     while len < bytes {
         if out.len() == len {
@@ -126,11 +129,11 @@ fn read_all(mut source: impl Read, bytes: usize, out: &mut Vec<u8>) -> usize {
         }
         let end = out.len().min(bytes);
         match source.read(out.get_mut(len..end).unwrap_or_default()) {
-            Ok(0) | Err(_) => break,
+            Ok(0) | Err(_) => return (len, false),
             Ok(read) => len += read,
         }
     }
-    len
+    (len, matches!(source.read(&mut [0]), Ok(0)))
 }
 
 /// The bytes of a chunk in the file.

@@ -15,6 +15,9 @@ use std::sync::Arc;
 /// Bytes read from the file at once.
 const READ_BYTES: usize = 64 << 10;
 
+/// Most memory that is kept from chunk to chunk.
+const KEPT_BYTES: usize = 4 << 20;
+
 /// A place in a file, from which to read on.
 #[derive(Debug)]
 pub(crate) struct Tape {
@@ -227,6 +230,9 @@ impl Tape {
 
     /// Goes behind the chunk.
     pub fn leave(&mut self) {
+        if self.unpacked.len() > KEPT_BYTES {
+            self.unpacked = Vec::new();
+        }
         if let Some(chunk) = self.chunk.take() {
             self.jump(chunk.packed.range.end.min(self.input.len()));
         }

@@ -1,10 +1,12 @@
 //! Hostile files: no panic, bounded memory, every byte counted.
 #![allow(clippy::unwrap_used)] // helpers of tests may too
 
+mod sqlite;
+
 use lobula_core::wire::Encoding;
 use lobula_core::{Event, Geometry, Polarity, Span, Trigger};
 use lobula_formats::{
-    Blocks, Compression, Error, Frame, ImuSample, OpenOptions, PixelFormat, Summary, WithDigest,
+    Blocks, Compression, Error, ErrorKind, Frame, ImuSample, OpenOptions, PixelFormat, Summary, WithDigest,
     WriteOptions, Writer, open_with,
 };
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -100,6 +102,9 @@ targets! {
     aedat2: Target { extension: "aedat", wholes: aedat2, say: |_| {}, reached: [20_000, 5_000] },
     hdf5: Target { extension: "h5", wholes: hdf5, say: |_| {}, reached: [20_000, 1000] },
     nmnist: Target { extension: "bin", wholes: nmnist, say: |_| {}, reached: [20_000, 0] },
+    rosbag: Target { extension: "bag", wholes: bags, say: |_| {}, reached: [20_000, 10_000] },
+    mcap: Target { extension: "mcap", wholes: mcaps, say: |_| {}, reached: [20_000, 10_000] },
+    db3: Target { extension: "db3", wholes: |_| vec![sqlite::small()], say: |_| {}, reached: [20_000, 1_000] },
 }
 
 /// Both versions; of the first with and without a header's size.
@@ -207,6 +212,50 @@ fn hdf5(path: &Path) -> Vec<Vec<u8>> {
 fn nmnist(_: &Path) -> Vec<Vec<u8>> {
     let word = |i: u8| if i == 240 { [0, 240, 0, 0, 0] } else { [i, i / 2, i, 0, i] };
     vec![(0..=255).chain(0..225).map(word).collect::<Vec<_>>().concat()]
+}
+
+/// bz2 takes 4 MB to unpack anything, so it comes seldom.
+fn bags(path: &Path) -> Vec<Vec<u8>> {
+    use Compression::{Bz2, Lz4, None};
+    [None, Lz4, None, Bz2].map(|one| written(path, |options| options.compression = Some(one))).into()
+}
+
+fn mcaps(path: &Path) -> Vec<Vec<u8>> {
+    use Compression::{Lz4, None, Zstd};
+    [None, Lz4, None, Zstd].map(|one| written(path, |options| options.compression = Some(one))).into()
+}
+
+/// Frames of zeroes pack a thousandfold: the largest that is let in stays in bounds, a larger one is refused.
+#[test]
+fn bombs_in_chunks() {
+    let folder = tempfile::tempdir_in(memory()).unwrap();
+    for (name, compression) in
+        [("it.bag", Compression::Bz2), ("it.bag", Compression::Lz4), ("it.mcap", Compression::Zstd)]
+    {
+        for (rows, good) in [(4000, true), (5000, false)] {
+            let path = folder.path().join(name);
+            let mut options = WriteOptions::default();
+            (options.overwrite, options.compression) = (true, Some(compression));
+            let geometry = Geometry::new(64, 64);
+            let mut writer = Writer::create(&path, Some(geometry), &options).unwrap();
+            let events = [Event::new(5, 1, 2, Polarity::On)];
+            writer.write(Span { t_first: 5, t_last: 5, geometry, events: &events }).unwrap();
+            let (width, format, pixels) = (8192, PixelFormat::Gray8, vec![0; 8192 * usize::from(rows)]);
+            writer
+                .write_frame(Frame { t: 6, exposure: None, x: 0, y: 0, width, height: rows, format, pixels })
+                .unwrap();
+            writer.write(Span { t_first: 7, t_last: 7, geometry, events: &events }).unwrap();
+            writer.finish().unwrap();
+            let read = || {
+                let recording = open_with(&path, &OpenOptions::default())?;
+                recording.frames().collect::<Result<Vec<_>, _>>().map(|frames| frames.len())
+            };
+            match bounded(read) {
+                Ok(frames) => assert!(good && frames == 1, "{name} {rows}"),
+                Err(error) => assert!(!good && error.kind() == ErrorKind::TooLarge, "{name} {rows}: {error}"),
+            }
+        }
+    }
 }
 
 /// A small file with every kind of word that the encoder makes, in every encoding.

@@ -27,6 +27,14 @@ const PACKAGES: &[&str] = &[
     "hdf5plugin==7.1.0",
     "polars==2.1.0",
     "polars-runtime-32==2.1.0",
+    "rosbags==0.11.9",
+    "mcap==1.6.0",
+    "apsw==3.54.1.0",
+    "backports.zstd==1.8.0",
+    "lz4==4.4.5",
+    "ruamel.yaml==0.19.1",
+    "typing_extensions==4.16.0",
+    "zstandard==0.25.0",
 ];
 
 /// A file that we write.
@@ -61,6 +69,12 @@ const FILES: &[File] = &[
     file("lz4.h5", |options| options.compression = Some(Compression::Lz4)),
     file("zstd.h5", |options| options.compression = Some(Compression::Zstd)),
     file("dsec.h5", |options| options.layout = Some("dsec".into())),
+    file("none.bag", |_| {}),
+    file("bz2.bag", |options| options.compression = Some(Compression::Bz2)),
+    file("lz4.bag", |options| options.compression = Some(Compression::Lz4)),
+    file("none.mcap", |_| {}),
+    file("lz4.mcap", |options| options.compression = Some(Compression::Lz4)),
+    file("zstd.mcap", |options| options.compression = Some(Compression::Zstd)),
 ];
 
 /// Which reads what, found by trial. Of EVT 2.1 each knows one word order or none. faery 0.7.1 counts no wrap of EVT3
@@ -72,6 +86,8 @@ const PEERS: &[(&str, &[&str])] = &[
     ("evlib", &["evt2.raw", "evt21-little.raw", "evt3.raw"]),
     ("evutils", &["evt2.raw", "evt21-legacy.raw", "evt3.raw", "cd.dat", "davis346.aedat"]),
     ("hdf5", &["gzip.h5", "none.h5", "lz4.h5", "zstd.h5", "dsec.h5"]),
+    ("rosbags", &["none.bag", "bz2.bag", "lz4.bag"]),
+    ("mcap", &["none.mcap", "lz4.mcap", "zstd.mcap"]),
 ];
 
 const AEDAT4: &[&str] = &["none.aedat4", "lz4.aedat4", "lz4-high.aedat4", "zstd.aedat4", "zstd-high.aedat4"];

@@ -4,6 +4,7 @@
 mod conversion;
 mod errors;
 mod hdf5;
+mod ros;
 mod round_trip;
 mod slices;
 mod truth;
