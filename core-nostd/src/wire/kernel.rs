@@ -18,7 +18,7 @@ use super::avx512;
 pub enum Kernel {
     /// One word after another: the definition, which the others are tested against.
     Plain,
-    /// Tables instead of branches, in safe code for every CPU.
+    /// Tables instead of branches, for every CPU: no instructions of any one.
     Portable,
     /// Sixteen words at a time, on an x86-64 CPU with AVX-512 (F, BW, CD, VL, VBMI2 and VPOPCNTDQ).
     Avx512,
