@@ -40,6 +40,12 @@ const FILES: &[File] = &[
     file("lz4.bag", |options| options.compression = Some(Compression::Lz4)),
     file("none.mcap", |_| {}),
     file("zstd.mcap", |options| options.compression = Some(Compression::Zstd)),
+    file("cd.dat", |_| {}),
+    file("events.es", |_| {}),
+    file("events.npy", |_| {}),
+    file("events.npz", |_| {}),
+    file("events.csv", |_| {}),
+    file("events.txt", |_| {}),
 ];
 
 /// How often each is read.

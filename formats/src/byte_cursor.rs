@@ -6,6 +6,7 @@ use crate::{Error, ErrorKind};
 use lobula_core::{Counters, Sink};
 use std::fmt::Debug;
 use std::ops::Range;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Bytes of a file in, events out. Chunk invariant: any split of the bytes gives the same events and counts.
@@ -16,12 +17,50 @@ pub(crate) trait ByteDecoder: Clone + Debug + Send + Sync + 'static {
     /// The file has ended after these untaken bytes: they become a fault.
     fn finish(&mut self, unread: &[u8]);
 
+    /// Decodes what is left at the end of the file: by default as [`finish`](Self::finish) does.
+    fn decode_last(&mut self, unread: &[u8], sink: &mut Sink<'_>) -> Result<Step, Bad> {
+        let _ = sink;
+        self.finish(unread);
+        Ok(Step { taken: unread.len(), full: false })
+    }
+
     /// What was done so far.
     fn counters(&self) -> Counters;
 
     /// Stream time in µs, where [pieces](crate::container::Piece) need it.
     fn now(&self) -> u64 {
         0
+    }
+}
+
+/// Bytes to decode, by their offset: of a file, or unpacked from one.
+pub(crate) trait Bytes: Debug + Send + Sync + 'static {
+    /// The file.
+    fn path(&self) -> &Path;
+
+    /// Fills `buffer` from `offset`, but for what lies beyond the end; returns how many bytes were read.
+    fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> Result<usize, Error>;
+
+    /// Another one over the same bytes, without buffers.
+    fn fork(&self) -> Self;
+
+    /// Offset in the file up to which packed bytes were read, where they are packed.
+    fn packed_position(&self) -> Option<u64> {
+        None
+    }
+}
+
+impl Bytes for Arc<Input> {
+    fn path(&self) -> &Path {
+        Input::path(self)
+    }
+
+    fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> Result<usize, Error> {
+        Input::read_at(self, offset, buffer)
+    }
+
+    fn fork(&self) -> Self {
+        self.clone()
     }
 }
 
@@ -44,6 +83,13 @@ pub(crate) struct Bad {
     pub remedy: String,
 }
 
+impl Bad {
+    /// The error of a file, where the call began at `position`.
+    pub fn error(self, path: &Path, position: u64) -> Error {
+        Error::new(self.kind, path, self.what, self.remedy).at(position + self.offset as u64)
+    }
+}
+
 /// Bytes read at once.
 const READ_BYTES: usize = 64 << 10;
 /// Longest record.
@@ -51,12 +97,12 @@ const RECORD_BYTES_MAX: usize = 16 << 20;
 
 /// A decoder and the bytes it takes next.
 #[derive(Debug)]
-pub(crate) struct ByteCursor<D> {
-    input: Arc<Input>,
+pub(crate) struct ByteCursor<D, B = Arc<Input>> {
+    source: B,
     decoder: D,
-    /// Offset in the file of the byte after those in `buffer`.
+    /// Offset in the source of the byte after those in `buffer`.
     next: u64,
-    /// Offset at which the records end.
+    /// Offset at which the records end; beyond the source's where that is not known.
     end: u64,
     /// Empty until the first read, so that a checkpoint is small.
     buffer: Vec<u8>,
@@ -64,10 +110,10 @@ pub(crate) struct ByteCursor<D> {
     unread: Range<usize>,
 }
 
-impl<D: ByteDecoder> ByteCursor<D> {
+impl<D: ByteDecoder, B: Bytes> ByteCursor<D, B> {
     /// A cursor over the bytes of `range`.
-    pub fn new(input: Arc<Input>, range: Range<u64>, decoder: D) -> Self {
-        Self { input, decoder, next: range.start, end: range.end, buffer: Vec::new(), unread: 0..0 }
+    pub fn new(source: B, range: Range<u64>, decoder: D) -> Self {
+        Self { source, decoder, next: range.start, end: range.end, buffer: Vec::new(), unread: 0..0 }
     }
 
     /// Reads on, after what is not decoded yet; false at the end.
@@ -82,7 +128,8 @@ impl<D: ByteDecoder> ByteCursor<D> {
             return Err(self.endless());
         }
         self.buffer.resize(unread + want, 0);
-        let len = self.input.read_at(self.next, &mut self.buffer[unread..])?;
+        let len = self.source.read_at(self.next, &mut self.buffer[unread..])?;
+        self.buffer.truncate(unread + len);
         self.next += len as u64;
         self.unread.end += len;
         Ok(len > 0)
@@ -90,33 +137,36 @@ impl<D: ByteDecoder> ByteCursor<D> {
 
     fn endless(&self) -> Error {
         let what = format!("has a record of more than {RECORD_BYTES_MAX} bytes");
-        Error::new(ErrorKind::TooLarge, self.input.path(), what, "it is damaged there: copy it again")
+        Error::new(ErrorKind::TooLarge, self.source.path(), what, "it is damaged there: copy it again")
             .at(self.position())
     }
 }
 
-impl<D: ByteDecoder> Cursor for ByteCursor<D> {
+impl<D: ByteDecoder, B: Bytes> Cursor for ByteCursor<D, B> {
     fn fill(&mut self, sink: &mut Sink<'_>) -> Result<Stop, Error> {
         loop {
             let bytes = &self.buffer[self.unread.clone()];
-            let step = self.decoder.decode(bytes, sink).map_err(|bad| {
-                let Bad { offset, kind, what, remedy } = bad;
-                Error::new(kind, self.input.path(), what, remedy).at(self.position() + offset as u64)
-            })?;
+            let step = self.decoder.decode(bytes, sink);
+            let step = step.map_err(|bad| bad.error(self.source.path(), self.position()))?;
             self.unread.start += step.taken;
             if step.full {
                 return Ok(Stop::Full);
             }
             if !self.refill()? {
-                self.decoder.finish(&self.buffer[self.unread.clone()]);
-                self.unread.start = self.unread.end;
-                return Ok(Stop::End);
+                let step = self.decoder.decode_last(&self.buffer[self.unread.clone()], sink);
+                let step = step.map_err(|bad| bad.error(self.source.path(), self.position()))?;
+                self.unread.start += step.taken;
+                return Ok(if step.full { Stop::Full } else { Stop::End });
             }
         }
     }
 
     fn position(&self) -> u64 {
         self.next - self.unread.len() as u64
+    }
+
+    fn progress(&self) -> u64 {
+        self.source.packed_position().unwrap_or(self.position())
     }
 
     fn counters(&self) -> Counters {
@@ -128,7 +178,7 @@ impl<D: ByteDecoder> Cursor for ByteCursor<D> {
     }
 
     fn fork(&self) -> Box<dyn Cursor> {
-        let (input, decoder, next) = (self.input.clone(), self.decoder.clone(), self.position());
-        Box::new(Self { input, decoder, next, end: self.end, buffer: Vec::new(), unread: 0..0 })
+        let (source, decoder, next) = (self.source.fork(), self.decoder.clone(), self.position());
+        Box::new(Self { source, decoder, next, end: self.end, buffer: Vec::new(), unread: 0..0 })
     }
 }

@@ -103,9 +103,14 @@ pub(crate) trait Cursor: Send + Sync + std::fmt::Debug {
     /// done. What is in the sink at an error is good.
     fn fill(&mut self, sink: &mut Sink<'_>) -> Result<Stop, Error>;
 
-    /// Offset in the file up to which all is decoded; where a file is not read in order, another measure of progress
-    /// between 0 and the file's length. It only grows.
+    /// Offset up to which all is decoded, in the file or in what is packed in it; where a file is not read in order,
+    /// another measure that only grows, and is the same wherever decoding began.
     fn position(&self) -> u64;
+
+    /// The same for people: bytes of the file that are done, at most its length.
+    fn progress(&self) -> u64 {
+        self.position()
+    }
 
     /// Stream time in µs, in formats whose [pieces](Container::pieces) need it to find each other.
     fn now(&self) -> u64 {

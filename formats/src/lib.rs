@@ -31,6 +31,7 @@ mod dat;
 mod db3;
 mod digest;
 mod error;
+mod es;
 #[cfg(feature = "hdf5")]
 mod hdf5;
 mod index;
@@ -42,9 +43,15 @@ mod limits;
 mod load;
 #[cfg(feature = "ros")]
 mod mcap;
+#[cfg(feature = "tables")]
+mod names;
 mod nmnist;
+#[cfg(feature = "tables")]
+mod numpy;
 mod open;
 mod output;
+#[cfg(feature = "tables")]
+mod packed;
 #[cfg(feature = "aedat4")]
 mod packets;
 mod raw;
@@ -54,6 +61,8 @@ mod ros;
 #[cfg(feature = "ros")]
 mod rosbag;
 mod stream;
+#[cfg(feature = "tables")]
+mod text;
 mod wrap;
 mod write;
 

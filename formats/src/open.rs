@@ -3,7 +3,7 @@
 use crate::container::Container;
 use crate::input::Input;
 use crate::write::Create;
-use crate::{Error, ErrorKind, Limits, Recording, aedat2, dat, nmnist, raw};
+use crate::{Error, ErrorKind, Limits, Recording, aedat2, dat, es, nmnist, raw};
 use lobula_core::Geometry;
 use lobula_core::wire::Encoding;
 use std::path::Path;
@@ -18,6 +18,7 @@ pub static FORMATS: &[Format] = &[
     crate::aedat31::FORMAT,
     #[cfg(feature = "aedat4")]
     crate::aedat4::FORMAT,
+    es::FORMAT,
     #[cfg(feature = "ros")]
     crate::rosbag::FORMAT,
     #[cfg(feature = "ros")]
@@ -27,6 +28,10 @@ pub static FORMATS: &[Format] = &[
     #[cfg(feature = "hdf5")]
     crate::hdf5::FORMAT,
     nmnist::FORMAT,
+    #[cfg(feature = "tables")]
+    crate::numpy::FORMAT,
+    #[cfg(feature = "tables")]
+    crate::text::FORMAT,
 ];
 
 /// A format of recordings.
@@ -60,6 +65,8 @@ pub(crate) struct Probe<'a> {
     /// Length of the file.
     pub bytes: u64,
     pub path: &'a Path,
+    /// The file, where the first bytes are not enough.
+    pub input: &'a Input,
 }
 
 impl Probe<'_> {
@@ -199,7 +206,7 @@ pub fn open_with(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Record
     let mut head = [0; 4096];
     let len = input.read_at(0, &mut head)?;
     let head = &head[..len];
-    let probe = Probe { head, bytes: input.len(), path: input.path() };
+    let probe = Probe { head, bytes: input.len(), path: input.path(), input: &input };
     let by_content = FORMATS.iter().find(|format| (format.probe)(&probe));
     // The bare bytes of a camera have no mark of their own: an encoding given says what they are.
     let format = by_content.or(options.encoding.map(|_| &raw::FORMAT));

@@ -48,6 +48,15 @@ impl Output {
         self.len
     }
 
+    /// A file for what must wait until `path` is written: it has no name and is gone with the handle.
+    pub fn scratch(path: &Path) -> Result<File, Error> {
+        let io = |source| Error::io(path, "creating a file beside it", source);
+        let name = temporary(path)?;
+        let file = File::options().read(true).write(true).create_new(true).open(&name).map_err(io)?;
+        std::fs::remove_file(&name).map_err(io)?;
+        Ok(file)
+    }
+
     /// Makes the bytes safe on the disk and gives the file its name; tells its length.
     pub fn finish(mut self) -> Result<u64, Error> {
         self.file.sync_all().map_err(|source| Error::io(&self.path, "writing it", source))?;

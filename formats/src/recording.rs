@@ -240,7 +240,7 @@ impl Blocks {
 
     /// Offset in the file up to which all is decoded.
     pub fn position(&self) -> u64 {
-        self.cursor.position()
+        self.cursor.progress()
     }
 
     /// What the decoder did, counted from the start of the recording; of a slice by time in HDF5, from where its

@@ -6,8 +6,8 @@ mod sqlite;
 use lobula_core::wire::Encoding;
 use lobula_core::{Event, Geometry, Polarity, Span, Trigger};
 use lobula_formats::{
-    Blocks, Compression, Error, ErrorKind, Frame, ImuSample, OpenOptions, PixelFormat, Summary, WithDigest,
-    WriteOptions, Writer, open_with,
+    Blocks, Compression, Error, ErrorKind, Frame, ImuSample, OpenOptions, PixelFormat, Summary, TimeUnit,
+    WithDigest, WriteOptions, Writer, open_with,
 };
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -101,6 +101,16 @@ targets! {
     aedat31: Target { extension: "aedat", wholes: aedat31, say: |_| {}, reached: [20_000, 5_000] },
     aedat2: Target { extension: "aedat", wholes: aedat2, say: |_| {}, reached: [20_000, 5_000] },
     hdf5: Target { extension: "h5", wholes: hdf5, say: |_| {}, reached: [20_000, 1000] },
+    es: Target { extension: "es", wholes: |path| vec![written(path, |_| {})], say: |_| {}, reached: [20_000, 10] },
+    npy: Target { extension: "npy", wholes: |path| vec![written(path, |_| {})], say: |_| {}, reached: [20_000, 1_000] },
+    npz: Target { extension: "npz", wholes: |path| vec![written(path, |_| {})], say: |_| {}, reached: [20_000, 0] },
+    npz_deflated: Target {
+        extension: "npz",
+        wholes: npz_deflated,
+        say: |options| options.time_unit = Some(TimeUnit::Microseconds),
+        reached: [5_000, 0],
+    },
+    text: Target { extension: "csv", wholes: text, say: |_| {}, reached: [50_000, 20_000] },
     nmnist: Target { extension: "bin", wholes: nmnist, say: |_| {}, reached: [20_000, 0] },
     rosbag: Target { extension: "bag", wholes: bags, say: |_| {}, reached: [20_000, 10_000] },
     mcap: Target { extension: "mcap", wholes: mcaps, say: |_| {}, reached: [20_000, 10_000] },
@@ -207,6 +217,47 @@ fn hdf5(path: &Path) -> Vec<Vec<u8>> {
         compressions.map(|compression| written(path, |options| options.compression = Some(compression)));
     let dsec = written(path, |options| options.layout = Some("dsec".into()));
     own.into_iter().chain([dsec]).collect()
+}
+
+/// As NumPy deflates it: members of 480 events, in an archive without fields of zip64.
+fn npz_deflated(_: &Path) -> Vec<Vec<u8>> {
+    let (mut archive, mut contents) = (Vec::new(), Vec::new());
+    for (name, descr) in [("t", "<i8"), ("x", "<i8"), ("y", "<i8"), ("p", "<i8")] {
+        let dict = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': (480,), }}\n");
+        let values = (0..480i64).flat_map(|i| if name == "p" { i & 1 } else { i }.to_le_bytes());
+        let member: Vec<u8> = b"\x93NUMPY\x01\x00"
+            .iter()
+            .copied()
+            .chain((dict.len() as u16).to_le_bytes())
+            .chain(dict.bytes())
+            .chain(values)
+            .collect();
+        let mut encoder = flate2::write::DeflateEncoder::new(Vec::new(), flate2::Compression::best());
+        std::io::Write::write_all(&mut encoder, &member).unwrap();
+        let packed = encoder.finish().unwrap();
+        let sizes = [0, packed.len() as u32, member.len() as u32].map(u32::to_le_bytes);
+        let name = format!("{name}.npy");
+        let head = [20u16, 0, 8, 0, 0].map(u16::to_le_bytes);
+        let name_len = (name.len() as u16).to_le_bytes();
+        let at = (archive.len() as u32).to_le_bytes();
+        let (head, sizes) = (head.as_flattened(), sizes.as_flattened());
+        contents.push(
+            [&b"PK\x01\x02\x14\0"[..], head, sizes, &name_len, &[0; 12], &at, name.as_bytes()].concat(),
+        );
+        archive
+            .extend([&b"PK\x03\x04"[..], head, sizes, &name_len, &[0; 2], name.as_bytes(), &packed].concat());
+    }
+    let at = (archive.len() as u32).to_le_bytes();
+    let contents = contents.concat();
+    let len = (contents.len() as u32).to_le_bytes();
+    let end = [&b"PK\x05\x06\0\0\0\0\x04\0\x04\0"[..], &len, &at, &[0; 2]].concat();
+    vec![[archive, contents, end].concat()]
+}
+
+/// Both kinds, and packed in both ways.
+fn text(path: &Path) -> Vec<Vec<u8>> {
+    let kinds = ["csv", "txt", "txt.gz", "csv.zst"];
+    kinds.map(|kind| written(path, |options| options.format = Some(kind.into()))).to_vec()
 }
 
 fn nmnist(_: &Path) -> Vec<Vec<u8>> {

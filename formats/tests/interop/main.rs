@@ -75,14 +75,22 @@ const FILES: &[File] = &[
     file("none.mcap", |_| {}),
     file("lz4.mcap", |options| options.compression = Some(Compression::Lz4)),
     file("zstd.mcap", |options| options.compression = Some(Compression::Zstd)),
+    file("events.es", |_| {}),
+    file("events.npy", |_| {}),
+    file("events.npz", |_| {}),
+    file("events.txt", |_| {}),
+    file("events.csv", |_| {}),
+    file("events.csv.gz", |_| {}),
 ];
 
 /// Which reads what, found by trial. Of EVT 2.1 each knows one word order or none. faery 0.7.1 counts no wrap of EVT3
 /// before the first event, and expelliarmus 1.1.12 adds 4096 µs at some TIME_HIGH words and stops at triggers.
 const PEERS: &[(&str, &[&str])] = &[
-    ("faery", &["evt2.raw", "cd.dat"]),
     ("dv", AEDAT4),
     ("aedat", AEDAT4),
+    ("faery", &["evt2.raw", "cd.dat", "events.es"]),
+    ("numpy_load", &["events.npy", "events.npz"]),
+    ("numpy_loadtxt", &["events.txt", "events.csv", "events.csv.gz"]),
     ("evlib", &["evt2.raw", "evt21-little.raw", "evt3.raw"]),
     ("evutils", &["evt2.raw", "evt21-legacy.raw", "evt3.raw", "cd.dat", "davis346.aedat"]),
     ("hdf5", &["gzip.h5", "none.h5", "lz4.h5", "zstd.h5", "dsec.h5"]),

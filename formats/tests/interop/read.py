@@ -141,7 +141,27 @@ def evt3(words):
     return t, x, y, p
 
 
-peer = {read.__name__: read for read in (faery, dv, aedat, evlib, evutils, hdf5, rosbags, mcap)}[sys.argv[1]]
+def numpy_load(path):
+    events = np.load(path)
+    if path.endswith(".npz"):
+        assert events["time_unit"] == "us" and list(events["sensor_size"]) == [1280, 720]
+    else:
+        assert len(np.load(path, mmap_mode="r")) == len(events)
+    return events["t"], events["x"], events["y"], events["p"]
+
+
+def numpy_loadtxt(path):
+    from decimal import Decimal
+
+    if path.endswith(".txt"):
+        t, *columns = np.loadtxt(path, dtype=str).T
+        t = np.array([int(Decimal(one) * 1_000_000) for one in t])
+    else:
+        t, *columns = np.loadtxt(path, dtype=np.int64, delimiter=",", skiprows=2).T
+    return t, *(column.astype(np.int64) for column in columns)
+
+
+peer = {read.__name__: read for read in (faery, dv, aedat, evlib, evutils, hdf5, rosbags, mcap, numpy_load, numpy_loadtxt)}[sys.argv[1]]
 for path in sys.argv[2:]:
     columns = peer(path)
     events = np.empty(len(columns[0]), DIGEST)

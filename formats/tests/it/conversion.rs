@@ -57,6 +57,11 @@ const TARGETS: &[Target] = &[
         say: |_| {},
         triggers: true,
     },
+    Target { name: "events.es", set: |_| {}, say: |_| {}, triggers: false },
+    Target { name: "events.npy", set: |_| {}, say: |_| {}, triggers: false },
+    Target { name: "events.npz", set: |_| {}, say: |_| {}, triggers: false },
+    Target { name: "events.txt", set: |_| {}, say: |_| {}, triggers: false },
+    Target { name: "events.csv.zst", set: |_| {}, say: |_| {}, triggers: false },
 ];
 
 const LITTLE: Encoding = Encoding::Evt21(WordOrder::Little);
@@ -70,6 +75,12 @@ const REFUSALS: &[(&str, &str, &str)] = &[
     ("mcap", ".raw", "beyond the 2^40 µs"),
     ("rosbag_dvs_msgs", ".raw", "beyond the 2^40 µs"),
     ("text_rpg_seconds", ".raw", "beyond the 2^40 µs"),
+    ("aedat4_davis346", ".es", "µs without an event"),
+    ("aedat4_dvxplorer", ".es", "µs without an event"),
+    ("hdf5_dsec", ".es", "µs without an event"),
+    ("mcap", ".es", "µs without an event"),
+    ("rosbag_dvs_msgs", ".es", "µs without an event"),
+    ("text_rpg_seconds", ".es", "µs without an event"),
     ("aedat4_davis346", ".dat", "beyond the 2^32 µs"),
     ("aedat4_dvxplorer", ".dat", "beyond the 2^32 µs"),
     ("hdf5_dsec", ".dat", "beyond the 2^32 µs"),

@@ -2,7 +2,7 @@
 
 use lobula_core::wire::AnyDecoder;
 use lobula_core::{Decode, Event, Polarity, Sink};
-use lobula_formats::{Digest, OpenOptions, Summary, WithDigest, open, open_with};
+use lobula_formats::{Digest, ErrorKind, OpenOptions, Summary, TimeUnit, WithDigest, open, open_with};
 use lobula_tests::data;
 use serde_json::Value;
 
@@ -46,10 +46,42 @@ pub const SAMPLES: &[Sample] = &[
     sample("hdf5_e2vid_seconds.h5"),
     sample("hdf5_gzip.h5"),
     sample("hdf5_prophesee_compound_zstd.h5"),
+    sample("es_dvs.es"),
+    sample("text_rpg_seconds.txt"),
+    Sample { file: "text_us.csv", say: |options| options.time_unit = Some(TimeUnit::Microseconds) },
+    Sample { file: "numpy_structured.npy", say: |options| options.time_unit = Some(TimeUnit::Microseconds) },
+    Sample { file: "numpy_columns.npz", say: |options| options.time_unit = Some(TimeUnit::Microseconds) },
+    Sample {
+        file: "text_metavision_xypt.csv",
+        say: |options| {
+            options.time_unit = Some(TimeUnit::Microseconds);
+            options.columns = "x,y,p,t".parse().ok();
+        },
+    },
 ];
 
 /// Those that hold a camera's bytes in order.
 const RAW: usize = 5;
+
+/// Every sample that does not say enough: the options that the refusal names.
+const REFUSED: &[(&str, &[&str])] = &[
+    ("numpy_structured.npy", &["--time-unit"]),
+    ("numpy_columns.npz", &["--time-unit"]),
+    ("text_us.csv", &["--time-unit"]),
+    ("text_metavision_xypt.csv", &["--time-unit", "--columns"]),
+];
+
+#[test]
+fn what_a_file_does_not_say_is_asked_for() {
+    for (file, names) in REFUSED {
+        let Some(path) = data(file) else { return };
+        let error = open(path).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::NeedsOption, "{error}");
+        for option in ["--time-unit", "--columns", "--topic"] {
+            assert_eq!(error.remedy().contains(option), names.contains(&option), "{error}");
+        }
+    }
+}
 
 const KEYS: [&str; 8] = ["events", "on", "off", "t_first_us", "t_last_us", "width", "height", "sha256"];
 

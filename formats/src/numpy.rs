@@ -1,0 +1,107 @@
+//! NumPy: `.npy` arrays and `.npz` archives of them.
+//!
+//! Spec: <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>; archives are zip files
+//!
+//! ```text
+//! structured array  fields t, x, y, p (or ts, timestamp, pol, polarity, ...) in any order and of any width
+//! N x 4 array       of integers or floats: --columns tells which is what
+//! archive           columns t, x, y, p; or one structured or N x 4 array, whatever its name; of several, --topic
+//! unit of t         from a name such as t_us, a type such as timedelta64[us], --time-unit; our own files tell it
+//! ours              .npy: a comment at the end of the header's dictionary; .npz: members time_unit, sensor_size
+//! ```
+//!
+//! p is 0 or 1, -1 or 1, or a bool. A row that is no event (NaN, half a pixel) is counted as damaged and skipped.
+
+use crate::container::{Container, Cursor};
+use crate::input::Input;
+use crate::intake::Intake;
+use crate::open::Probe;
+use crate::{Error, ErrorKind, Format, OpenOptions, Stream, StreamKind};
+use cursor::NumpyCursor;
+use lobula_core::Geometry;
+use std::path::Path;
+use std::sync::Arc;
+use table::Table;
+
+mod archive;
+mod cursor;
+mod dtype;
+mod header;
+mod table;
+mod write;
+
+/// Its line in the table of formats.
+pub(crate) const FORMAT: Format =
+    Format { name: "NumPy", extensions: &["npy", "npz"], create: Some(write::create), probe, open };
+
+/// Largest sensor that an event can tell.
+const GEOMETRY_MAX: Geometry = Geometry::new(u16::MAX, 0x7FFF);
+
+fn probe(probe: &Probe<'_>) -> bool {
+    let first_member = || {
+        let len = probe.head.get(26..28).map_or(0, |len| usize::from(u16::from_le_bytes([len[0], len[1]])));
+        probe.head.get(30..30 + len).is_some_and(|name| name.ends_with(b".npy"))
+    };
+    probe.head.starts_with(header::MAGIC)
+        || probe.head.starts_with(archive::MAGIC) && (first_member() || probe.has_extension(&FORMAT))
+}
+
+fn open(input: Arc<Input>, options: &OpenOptions) -> Result<Box<dyn Container>, Error> {
+    let mut magic = [0; 4];
+    input.read_at(0, &mut magic)?;
+    let table = if magic == archive::MAGIC {
+        table::of_archive(&input, options)?
+    } else {
+        table::of_file(&input, options)?
+    };
+    let geometry = options.sensor_size.or(table.size);
+    let intake = Intake::new(geometry.unwrap_or(GEOMETRY_MAX), options);
+    Ok(Box::new(NumpyRecording { input, geometry, table: Arc::new(table), intake }))
+}
+
+/// Something that is not read, and what to do about it.
+fn refuse(path: &Path, what: impl Into<String>, remedy: &str) -> Error {
+    Error::new(ErrorKind::Unsupported, path, what, remedy)
+}
+
+#[derive(Debug)]
+struct NumpyRecording {
+    input: Arc<Input>,
+    geometry: Option<Geometry>,
+    table: Arc<Table>,
+    intake: Intake,
+}
+
+impl Container for NumpyRecording {
+    fn format(&self) -> &'static Format {
+        &FORMAT
+    }
+
+    fn path(&self) -> &Path {
+        self.input.path()
+    }
+
+    fn bytes(&self) -> u64 {
+        self.input.len()
+    }
+
+    fn geometry(&self) -> Option<Geometry> {
+        self.geometry
+    }
+
+    fn geometry_of_blocks(&self) -> Geometry {
+        self.intake.geometry()
+    }
+
+    fn streams(&self) -> Vec<Stream> {
+        let others = self.table.others.iter().map(|name| Stream::new(StreamKind::Other, name));
+        [Stream::new(StreamKind::Events, &self.table.name)].into_iter().chain(others).collect()
+    }
+
+    fn start(&self) -> Box<dyn Cursor> {
+        Box::new(NumpyCursor::new(self.table.clone(), self.input.len(), self.intake.clone()))
+    }
+}
+
+#[cfg(test)]
+mod tests;

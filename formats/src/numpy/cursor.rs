@@ -1,0 +1,265 @@
+//! Rows of four columns become events.
+
+use super::dtype::{Dtype, Kind};
+use super::table::{Lane, Place, Table};
+use crate::Error;
+use crate::TimeUnit;
+use crate::byte_cursor::Bytes as _;
+use crate::container::{Cursor, Stop};
+use crate::intake::{Intake, Plain, Taken};
+use crate::packed::Source;
+use lobula_core::{Counters, Fault, Sink};
+use std::sync::Arc;
+
+/// Rows read at once.
+const ROWS: usize = 4096;
+/// Rows taken at once where all are alike.
+const BATCH: usize = 512;
+
+/// Layouts that are read fastest: those that NumPy's users write most, and we do. All times are µs of 64 bits, all
+/// coordinates of 16 bits and polarities of 8, little-endian.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Fast {
+    /// Records of t, x, y, p.
+    Record,
+    /// Four arrays.
+    Columns,
+}
+
+impl Fast {
+    /// Bytes of a record.
+    const RECORD_BYTES: usize = 13;
+
+    fn of(table: &Table) -> Option<Self> {
+        let [t, x, y, p] = table.columns;
+        let is = |place: Place, kinds: &[Kind], bytes| {
+            let Dtype { kind, bytes: found, big_endian, .. } = place.dtype;
+            kinds.contains(&kind) && found == bytes && (!big_endian || bytes == 1)
+        };
+        let numbers = is(t, &[Kind::Signed], 8)
+            && is(x, &[Kind::Unsigned], 2)
+            && is(y, &[Kind::Unsigned], 2)
+            && is(p, &[Kind::Unsigned, Kind::Signed, Kind::Bool], 1);
+        if !numbers || table.unit != TimeUnit::Microseconds {
+            return None;
+        }
+        match table.lanes.as_slice() {
+            [lane] if lane.stride == Self::RECORD_BYTES => {
+                ([t, x, y, p].map(|place| place.offset) == [0, 8, 10, 12]).then_some(Self::Record)
+            }
+            [_, _, _, _] => ([t, x, y, p].map(|place| place.lane) == [0, 1, 2, 3]).then_some(Self::Columns),
+            _ => None,
+        }
+    }
+}
+
+/// An event of the fast layouts. `least` is the least polarity: 0xFF where there may be -1.
+#[inline(always)]
+fn plain(t: [u8; 8], x: [u8; 2], y: [u8; 2], p: u8, least: u8) -> Plain {
+    let t_us = i64::from_le_bytes(t);
+    let bad = p.wrapping_sub(least) > 1u8.wrapping_sub(least);
+    Plain { t_us, x: u16::from_le_bytes(x), y: u16::from_le_bytes(y), on: p == 1, bad }
+}
+
+/// A place in a table.
+#[derive(Debug)]
+pub(super) struct NumpyCursor {
+    table: Arc<Table>,
+    file_bytes: u64,
+    intake: Intake,
+    fast: Option<Fast>,
+    /// Rows before this one are not alike: they are taken one by one.
+    each_until: u64,
+    /// The next row.
+    row: u64,
+    /// Empty until the first read, so that a checkpoint is small.
+    lanes: Vec<Buffered>,
+    /// The rows in the buffers, of which those before `row` are done.
+    buffered: u64,
+    buffered_end: u64,
+}
+
+/// A lane and the rows of it that come next.
+#[derive(Debug)]
+struct Buffered {
+    source: Source,
+    bytes: Vec<u8>,
+}
+
+impl NumpyCursor {
+    pub fn new(table: Arc<Table>, file_bytes: u64, intake: Intake) -> Self {
+        let fast = Fast::of(&table);
+        Self {
+            table,
+            file_bytes,
+            intake,
+            fast,
+            each_until: 0,
+            row: 0,
+            lanes: Vec::new(),
+            buffered: 0,
+            buffered_end: 0,
+        }
+    }
+
+    /// Bytes of a row in all lanes.
+    fn row_bytes(&self) -> u64 {
+        self.table.lanes.iter().map(|lane| lane.stride as u64).sum()
+    }
+
+    /// Reads the next rows; false where there are no more.
+    fn refill(&mut self) -> Result<bool, Error> {
+        let table = self.table.clone();
+        if self.lanes.is_empty() {
+            let buffered = |lane: &Lane| Buffered { source: lane.source.fork(), bytes: Vec::new() };
+            self.lanes = table.lanes.iter().map(buffered).collect();
+        }
+        let mut rows = (table.rows - self.row).min(ROWS as u64) as usize;
+        for (lane, buffer) in table.lanes.iter().zip(&mut self.lanes) {
+            rows = rows.min(buffer.read(lane, self.row, rows)?);
+        }
+        (self.buffered, self.buffered_end) = (self.row, self.row + rows as u64);
+        Ok(rows > 0)
+    }
+
+    /// The rest that the header promised is not there.
+    fn cut_short(&mut self) {
+        let missing = self.table.rows - self.row;
+        if missing > 0 {
+            self.intake.fault(Fault::CutShort, missing.saturating_mul(self.row_bytes()));
+            self.row = self.table.rows;
+        }
+    }
+
+    /// Takes the next `n` rows where their layout is a fast one and all are alike; else none.
+    fn take_alike(&mut self, n: usize, sink: &mut Sink<'_>) -> bool {
+        let (at, row_bytes) = ((self.row - self.buffered) as usize, self.row_bytes());
+        let [_, _, _, p] = self.table.columns;
+        let least = if p.dtype.kind == Kind::Signed { 0xFF } else { 0 };
+        match (self.fast, self.lanes.as_slice()) {
+            (Some(Fast::Record), [rows]) => {
+                let rows =
+                    rows.bytes.as_chunks::<{ Fast::RECORD_BYTES }>().0.get(at..at + n).unwrap_or_default();
+                let event = |row: &[u8; Fast::RECORD_BYTES]| {
+                    let [t0, t1, t2, t3, t4, t5, t6, t7, x0, x1, y0, y1, p] = *row;
+                    plain([t0, t1, t2, t3, t4, t5, t6, t7], [x0, x1], [y0, y1], p, least)
+                };
+                let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return false };
+                let ends = (event(first).t_us, event(last).t_us);
+                self.intake.push_alike(sink, n, row_bytes, ends, rows.iter().map(event))
+            }
+            (Some(Fast::Columns), [t, x, y, p]) => {
+                let t = t.bytes.as_chunks::<8>().0.get(at..at + n).unwrap_or_default();
+                let x = x.bytes.as_chunks::<2>().0.get(at..at + n).unwrap_or_default();
+                let y = y.bytes.as_chunks::<2>().0.get(at..at + n).unwrap_or_default();
+                let p = p.bytes.get(at..at + n).unwrap_or_default();
+                let (Some(first), Some(last)) = (t.first(), t.last()) else { return false };
+                let ends = (i64::from_le_bytes(*first), i64::from_le_bytes(*last));
+                let events =
+                    t.iter().zip(x).zip(y).zip(p).map(|(((t, x), y), p)| plain(*t, *x, *y, *p, least));
+                [x.len(), y.len(), p.len()] == [n; 3]
+                    && self.intake.push_alike(sink, n, row_bytes, ends, events)
+            }
+            _ => false,
+        }
+    }
+
+    /// The numbers of a column, from a row on.
+    fn column(&self, place: Place, row: u64) -> Option<&[u8]> {
+        let stride = self.table.lanes.get(place.lane)?.stride;
+        let at = (row - self.buffered) as usize * stride + place.offset;
+        self.lanes.get(place.lane)?.bytes.get(at..)
+    }
+
+    /// The event of a row; `None` where it is none.
+    fn event(&self, row: u64) -> Option<(i64, (i64, i64), bool)> {
+        let number = |place: Place| place.dtype.number(self.column(place, row)?);
+        let [t, x, y, p] = self.table.columns.map(number);
+        let on = match p?.integer()? {
+            1 => true,
+            0 | -1 => false,
+            _ => return None,
+        };
+        Some((t?.micros(self.table.unit)?, (x?.integer()?, y?.integer()?), on))
+    }
+}
+
+impl Buffered {
+    /// Reads rows; how many there are.
+    fn read(&mut self, lane: &Lane, row: u64, rows: usize) -> Result<usize, Error> {
+        let start = lane.start.saturating_add(row.saturating_mul(lane.stride as u64));
+        let left = lane.end.map_or(u64::MAX, |end| end.saturating_sub(start));
+        let want = (rows * lane.stride).min(usize::try_from(left).unwrap_or(usize::MAX));
+        self.bytes.resize(want, 0);
+        let len = self.source.read_at(start, &mut self.bytes)?;
+        self.bytes.truncate(len);
+        Ok(len / lane.stride)
+    }
+}
+
+impl Cursor for NumpyCursor {
+    fn fill(&mut self, sink: &mut Sink<'_>) -> Result<Stop, Error> {
+        let row_bytes = self.row_bytes();
+        loop {
+            while self.row < self.buffered_end {
+                let left = (self.buffered_end - self.row).min(BATCH as u64) as usize;
+                let n = left.min(sink.room());
+                if self.row >= self.each_until && n > 0 {
+                    if self.take_alike(n, sink) {
+                        self.row += n as u64;
+                        continue;
+                    }
+                    self.each_until = self.row + n as u64;
+                }
+                match self.event(self.row) {
+                    None => self.intake.fault(Fault::Damaged, row_bytes),
+                    Some((t, xy, on)) => {
+                        let taken = self.intake.push(sink, t, xy, on, row_bytes);
+                        let at = |bad: crate::byte_cursor::Bad| bad.error(self.lanes_path(), self.offset());
+                        if taken.map_err(at)? == Taken::Full {
+                            return Ok(Stop::Full);
+                        }
+                    }
+                }
+                self.row += 1;
+            }
+            if self.row >= self.table.rows || !self.refill()? {
+                self.cut_short();
+                return Ok(Stop::End);
+            }
+        }
+    }
+
+    fn position(&self) -> u64 {
+        self.row.saturating_mul(self.row_bytes())
+    }
+
+    fn progress(&self) -> u64 {
+        let share = u128::from(self.row) * u128::from(self.file_bytes) / u128::from(self.table.rows.max(1));
+        u64::try_from(share).unwrap_or(self.file_bytes)
+    }
+
+    fn counters(&self) -> Counters {
+        self.intake.counters
+    }
+
+    fn fork(&self) -> Box<dyn Cursor> {
+        let mut fork = Self::new(self.table.clone(), self.file_bytes, self.intake.clone());
+        fork.row = self.row;
+        (fork.buffered, fork.buffered_end) = (self.row, self.row);
+        Box::new(fork)
+    }
+}
+
+impl NumpyCursor {
+    fn lanes_path(&self) -> &std::path::Path {
+        self.table.lanes.first().map_or(std::path::Path::new(""), |lane| lane.source.path())
+    }
+
+    /// Offset of the next row's time, in the file or its member.
+    fn offset(&self) -> u64 {
+        let [t, ..] = self.table.columns;
+        let lane = self.table.lanes.get(t.lane);
+        lane.map_or(0, |lane| lane.start + self.row * lane.stride as u64 + t.offset as u64)
+    }
+}
