@@ -95,6 +95,7 @@ const REFUSALS: &[(&str, &str, &str)] = &[
     ("text_rpg_seconds", ".mcap", "beyond the 2^40 µs"),
     ("aedat4_davis346", ".aedat", "beyond the 2^31 µs"),
     ("aedat4_dvxplorer", ".aedat", "beyond the 2^31 µs"),
+    ("hdf5_dsec", ".aedat", "beyond the 2^31 µs"),
     ("mcap", ".aedat", "beyond the 2^31 µs"),
     ("rosbag_dvs_msgs", ".aedat", "beyond the 2^31 µs"),
     ("text_rpg_seconds", ".aedat", "beyond the 2^31 µs"),
