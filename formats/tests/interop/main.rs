@@ -14,6 +14,7 @@ use lobula_formats::{
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::LazyLock;
 
 /// What is installed, without what it depends on for other formats than these.
 const PACKAGES: &[&str] = &[
@@ -258,8 +259,14 @@ fn frame_line(frame: &Frame) -> String {
     format!("frame {t} {exposure} {x} {y} {width} {height} {} 1 {total}", format.bytes())
 }
 
-/// The interpreter of an environment with the packages; made at the first run, again when the list changes.
+/// The interpreter of an environment with the packages; the first test that needs it makes it.
 fn python() -> PathBuf {
+    static PYTHON: LazyLock<PathBuf> = LazyLock::new(environment);
+    PYTHON.clone()
+}
+
+/// Makes the environment at the first run, and again when the list changes.
+fn environment() -> PathBuf {
     let environment = Path::new(env!("CARGO_TARGET_TMPDIR")).join("peers");
     let (python, list) = (environment.join("bin/python"), environment.join("packages"));
     let wanted = PACKAGES.join("\n");

@@ -28,10 +28,11 @@ def done(name, t=t, kept=slice(None), **options):
     print(json.dumps([name, len(events), hashlib.sha256(events.tobytes()).hexdigest(), options]))
 
 
-def columns(name, dtypes=("i8", "u2", "u2", "u1"), t=t, file_options={}, polarities=p, names="txyp", **kind):
+def columns(name, dtypes=("i8", "u2", "u2", "u1"), t=t, file_options={}, polarities=None, names="txyp", **kind):
     with h5py.File(os.path.join(folder, name), "w", **file_options) as file:
         group = file.create_group("events")
-        for column, values, dtype in zip(names, (t, x, y, polarities), dtypes):
+        values = (t, x, y, p if polarities is None else polarities)
+        for column, values, dtype in zip(names, values, dtypes):
             group.create_dataset(column, data=values.astype(dtype), **kind)
 
 
