@@ -30,7 +30,6 @@ use crate::open::Probe;
 use crate::{Error, ErrorKind, Format, Frame, ImuSample, OpenOptions, Stream, StreamKind};
 use clock::Clock;
 use lobula_core::{Counters, Event, Fault, Geometry, Polarity, Sink, Trigger};
-use std::path::Path;
 use std::sync::Arc;
 
 /// Its line in the table of formats.
@@ -203,18 +202,6 @@ impl Aedat2Recording {
 }
 
 impl Container for Aedat2Recording {
-    fn format(&self) -> &'static Format {
-        &FORMAT
-    }
-
-    fn path(&self) -> &Path {
-        self.input.path()
-    }
-
-    fn bytes(&self) -> u64 {
-        self.input.len()
-    }
-
     fn geometry(&self) -> Option<Geometry> {
         Some(self.decoder.chip.geometry)
     }

@@ -354,18 +354,6 @@ struct Aedat31Recording {
 }
 
 impl Container for Aedat31Recording {
-    fn format(&self) -> &'static Format {
-        &FORMAT
-    }
-
-    fn path(&self) -> &Path {
-        self.file.input.path()
-    }
-
-    fn bytes(&self) -> u64 {
-        self.file.input.len()
-    }
-
     fn geometry(&self) -> Option<Geometry> {
         self.geometry
     }

@@ -35,7 +35,6 @@ use compression::Unpacker;
 use flatbuffer::{Table, Vector};
 use lobula_core::{Event, Geometry, Polarity, Sink};
 use std::ops::Range;
-use std::path::Path;
 use std::sync::Arc;
 use streams::Streams;
 
@@ -431,18 +430,6 @@ struct Aedat4Recording {
 }
 
 impl Container for Aedat4Recording {
-    fn format(&self) -> &'static Format {
-        &FORMAT
-    }
-
-    fn path(&self) -> &Path {
-        self.file.input.path()
-    }
-
-    fn bytes(&self) -> u64 {
-        self.file.input.len()
-    }
-
     fn geometry(&self) -> Option<Geometry> {
         self.geometry
     }

@@ -1,23 +1,13 @@
 //! What a format owes: everything else (blocks, index, slices, summary) is made from it, once for all formats.
 
 use crate::index::Seek;
-use crate::{Error, Format, Frame, ImuSample, Payload, Stream, StreamKind};
+use crate::{Error, Frame, ImuSample, Payload, Stream, StreamKind};
 use lobula_core::wire::Encoding;
 use lobula_core::{Counters, Geometry, Sink};
 use std::ops::Range;
-use std::path::Path;
 
 /// A file that was opened and whose header was read.
 pub(crate) trait Container: Send + Sync + std::fmt::Debug {
-    /// The format's line in the table.
-    fn format(&self) -> &'static Format;
-
-    /// The file.
-    fn path(&self) -> &Path;
-
-    /// Its length in bytes.
-    fn bytes(&self) -> u64;
-
     /// The sensor's size, if known.
     fn geometry(&self) -> Option<Geometry>;
 

@@ -177,18 +177,6 @@ struct DatRecording {
 }
 
 impl Container for DatRecording {
-    fn format(&self) -> &'static Format {
-        &FORMAT
-    }
-
-    fn path(&self) -> &Path {
-        self.input.path()
-    }
-
-    fn bytes(&self) -> u64 {
-        self.input.len()
-    }
-
     fn geometry(&self) -> Option<Geometry> {
         self.geometry
     }

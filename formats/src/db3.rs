@@ -57,7 +57,7 @@ fn open(input: Arc<Input>, options: &OpenOptions) -> Result<Box<dyn Container>, 
         ));
     };
     let log = Db3Log::new(database, messages, topic_id, data);
-    ros::open(Opened { format: &FORMAT, log, connections, fields: Vec::new(), warnings: Vec::new() }, options)
+    ros::open(Opened { log, connections, fields: Vec::new(), warnings: Vec::new() }, options)
 }
 
 /// What another program has not yet brought into the file.

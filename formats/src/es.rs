@@ -19,7 +19,6 @@ use crate::intake::{Intake, Taken};
 use crate::open::Probe;
 use crate::{Error, ErrorKind, Format, OpenOptions, Stream, StreamKind};
 use lobula_core::{Counters, Fault, Geometry, Sink};
-use std::path::Path;
 use std::sync::Arc;
 
 mod write;
@@ -101,18 +100,6 @@ struct EsRecording {
 }
 
 impl Container for EsRecording {
-    fn format(&self) -> &'static Format {
-        &FORMAT
-    }
-
-    fn path(&self) -> &Path {
-        self.input.path()
-    }
-
-    fn bytes(&self) -> u64 {
-        self.input.len()
-    }
-
     fn geometry(&self) -> Option<Geometry> {
         Some(self.decoder.intake.geometry())
     }

@@ -36,7 +36,6 @@ use crate::open::Probe;
 use crate::{Error, Format, Limits, OpenOptions, Stream, StreamKind};
 use lobula_core::Geometry;
 use std::ops::Range;
-use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use columns::{ColumnCursor, Columns};
@@ -120,18 +119,6 @@ impl Hdf5Recording {
 }
 
 impl Container for Hdf5Recording {
-    fn format(&self) -> &'static Format {
-        &FORMAT
-    }
-
-    fn path(&self) -> &Path {
-        self.columns.input.path()
-    }
-
-    fn bytes(&self) -> u64 {
-        self.columns.input.len()
-    }
-
     fn geometry(&self) -> Option<Geometry> {
         self.geometry
     }

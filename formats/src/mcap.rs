@@ -76,7 +76,7 @@ fn open(input: Arc<Input>, options: &OpenOptions) -> Result<Box<dyn Container>, 
     // A summary need not repeat the channels.
     let channels = if channels.connections.0.is_empty() { log.fork().scan()? } else { channels };
     let connections = channels.connections.0;
-    ros::open(Opened { format: &FORMAT, log, connections, fields: Vec::new(), warnings }, options)
+    ros::open(Opened { log, connections, fields: Vec::new(), warnings }, options)
 }
 
 /// A record's op and the length of its content.

@@ -16,7 +16,6 @@ use crate::intake::{Intake, Taken};
 use crate::open::Probe;
 use crate::{Error, Format, OpenOptions};
 use lobula_core::{Counters, Fault, Geometry, Sink};
-use std::path::Path;
 use std::sync::Arc;
 
 /// Its line in the table of formats.
@@ -50,18 +49,6 @@ struct NmnistRecording {
 }
 
 impl Container for NmnistRecording {
-    fn format(&self) -> &'static Format {
-        &FORMAT
-    }
-
-    fn path(&self) -> &Path {
-        self.input.path()
-    }
-
-    fn bytes(&self) -> u64 {
-        self.input.len()
-    }
-
     fn geometry(&self) -> Option<Geometry> {
         self.geometry
     }

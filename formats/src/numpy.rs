@@ -73,18 +73,6 @@ struct NumpyRecording {
 }
 
 impl Container for NumpyRecording {
-    fn format(&self) -> &'static Format {
-        &FORMAT
-    }
-
-    fn path(&self) -> &Path {
-        self.input.path()
-    }
-
-    fn bytes(&self) -> u64 {
-        self.input.len()
-    }
-
     fn geometry(&self) -> Option<Geometry> {
         self.geometry
     }

@@ -211,7 +211,8 @@ pub fn open_with(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Record
     // The bare bytes of a camera have no mark of their own: an encoding given says what they are.
     let format = by_content.or(options.encoding.map(|_| &raw::FORMAT));
     let Some(format) = format else { return Err(unknown(input.path(), head)) };
-    Ok(Recording::new((format.open)(input, options)?, options.limits))
+    let container = (format.open)(input.clone(), options)?;
+    Ok(Recording::new(input, format, container, options.limits))
 }
 
 fn unknown(path: &Path, head: &[u8]) -> Error {

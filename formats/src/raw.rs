@@ -24,7 +24,6 @@ use lobula_core::wire::{AnyDecoder, Encoding};
 use lobula_core::{Counters, Decode, Event, Geometry, Sink, Trigger};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::path::Path;
 use std::sync::Arc;
 
 use header::Header;
@@ -81,18 +80,6 @@ impl RawFile {
 struct RawRecording(Arc<RawFile>);
 
 impl Container for RawRecording {
-    fn format(&self) -> &'static Format {
-        &FORMAT
-    }
-
-    fn path(&self) -> &Path {
-        self.0.input.path()
-    }
-
-    fn bytes(&self) -> u64 {
-        self.0.input.len()
-    }
-
     fn geometry(&self) -> Option<Geometry> {
         self.0.geometry
     }

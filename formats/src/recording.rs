@@ -2,6 +2,7 @@
 
 use crate::container::{Container, Cursor, Stop};
 use crate::index::{Index, Seek, Times};
+use crate::input::Input;
 use crate::{Error, ErrorKind, Format, Frame, ImuSample, Limits, Payload, Stream};
 use lobula_core::wire::Encoding;
 use lobula_core::{Block, Counters, Event, Geometry, Sink, Span, Trigger, full_time};
@@ -21,14 +22,21 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// ```
 #[derive(Debug)]
 pub struct Recording {
+    input: Arc<Input>,
+    format: &'static Format,
     container: Box<dyn Container>,
     limits: Limits,
     index: Mutex<Option<Arc<Index>>>,
 }
 
 impl Recording {
-    pub(crate) fn new(container: Box<dyn Container>, limits: Limits) -> Self {
-        Self { container, limits, index: Mutex::new(None) }
+    pub(crate) fn new(
+        input: Arc<Input>,
+        format: &'static Format,
+        container: Box<dyn Container>,
+        limits: Limits,
+    ) -> Self {
+        Self { input, format, container, limits, index: Mutex::new(None) }
     }
 
     pub(crate) fn container(&self) -> &dyn Container {
@@ -37,17 +45,17 @@ impl Recording {
 
     /// The file.
     pub fn path(&self) -> &Path {
-        self.container.path()
+        self.input.path()
     }
 
     /// Its format's line in the table.
     pub fn format(&self) -> &'static Format {
-        self.container.format()
+        self.format
     }
 
     /// Its length in bytes.
     pub fn bytes(&self) -> u64 {
-        self.container.bytes()
+        self.input.len()
     }
 
     /// The sensor's size, if the file or an option tells it.

@@ -23,7 +23,7 @@ mod tape;
 
 use crate::container::{Container, Cursor, Items};
 use crate::intake::Intake;
-use crate::{Error, ErrorKind, Format, Frame, ImuSample, OpenOptions, Stream, StreamKind, WriteOptions};
+use crate::{Error, ErrorKind, Frame, ImuSample, OpenOptions, Stream, StreamKind, WriteOptions};
 use cursor::{Body, EventTopic, HEAD_BYTES_MAX, TopicCursor};
 use event_array::EventArrays;
 use event_packet::EventPackets;
@@ -121,7 +121,6 @@ fn topics(connections: &[Connection]) -> Vec<Topic> {
 /// What a container found when it was opened.
 #[derive(Debug)]
 pub(crate) struct Opened<L> {
-    pub format: &'static Format,
     /// At the first message.
     pub log: L,
     pub connections: Vec<Connection>,
@@ -131,7 +130,7 @@ pub(crate) struct Opened<L> {
 
 /// Chooses the topics and reads the first message of events.
 pub(crate) fn open<L: Log>(opened: Opened<L>, options: &OpenOptions) -> Result<Box<dyn Container>, Error> {
-    let Opened { format, log, connections, mut fields, mut warnings } = opened;
+    let Opened { log, connections, mut fields, mut warnings } = opened;
     let topics = topics(&connections);
     let events = choose(&topics, log.input().path(), options)?;
     let beside = |kind| beside(&topics, &topics[events], kind);
@@ -156,7 +155,6 @@ pub(crate) fn open<L: Log>(opened: Opened<L>, options: &OpenOptions) -> Result<B
     let events = TopicCursor::new(log.fork(), Arc::new(topic), notes.clone(), body);
     let side = |topic: Option<usize>| topic.map(|topic| topics[topic].clone());
     Ok(Box::new(RosRecording {
-        format,
         images: side(images),
         imu: side(imu),
         log,
@@ -350,7 +348,6 @@ fn camera_info<L: Log>(log: &L, topic: &Topic, events: &EventTopic) -> Result<Ve
 /// An open file of messages.
 #[derive(Debug)]
 struct RosRecording<L> {
-    format: &'static Format,
     /// At the first message.
     log: L,
     streams: Vec<Stream>,
@@ -368,18 +365,6 @@ struct RosRecording<L> {
 }
 
 impl<L: Log> Container for RosRecording<L> {
-    fn format(&self) -> &'static Format {
-        self.format
-    }
-
-    fn path(&self) -> &Path {
-        self.log.input().path()
-    }
-
-    fn bytes(&self) -> u64 {
-        self.log.input().len()
-    }
-
     fn geometry(&self) -> Option<Geometry> {
         self.geometry
     }

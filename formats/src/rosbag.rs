@@ -64,7 +64,7 @@ fn open(input: Arc<Input>, options: &OpenOptions) -> Result<Box<dyn Container>, 
     let connections = if connections.0.is_empty() { log.fork().scan()? } else { connections };
     log.counters = Counters::new();
     let connections = connections.0;
-    ros::open(Opened { format: &FORMAT, log, connections, fields: Vec::new(), warnings }, options)
+    ros::open(Opened { log, connections, fields: Vec::new(), warnings }, options)
 }
 
 /// What the bag's own header says.

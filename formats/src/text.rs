@@ -21,7 +21,6 @@ use crate::{Error, Format, OpenOptions};
 use layout::{Findings, Layout};
 use line::Line;
 use lobula_core::{Counters, Fault, Geometry, Sink};
-use std::path::Path;
 use std::sync::Arc;
 
 mod layout;
@@ -89,18 +88,6 @@ struct TextRecording {
 }
 
 impl Container for TextRecording {
-    fn format(&self) -> &'static Format {
-        &FORMAT
-    }
-
-    fn path(&self) -> &Path {
-        self.input.path()
-    }
-
-    fn bytes(&self) -> u64 {
-        self.input.len()
-    }
-
     fn geometry(&self) -> Option<Geometry> {
         self.geometry
     }
@@ -215,6 +202,7 @@ impl ByteDecoder for Decoder {
 mod tests {
     use super::*;
     use crate::{ErrorKind, Recording, TimeUnit, open_with};
+    use std::path::Path;
 
     fn file(text: &[u8], options: &OpenOptions) -> Result<Recording, Error> {
         let folder = tempfile::tempdir().unwrap();

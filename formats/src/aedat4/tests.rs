@@ -1,7 +1,7 @@
 use super::*;
 use crate::{Compression, Recording, WriteOptions, Writer, open_with};
 use lobula_core::{Fault, Span, Trigger};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Everything of a recording, as text.
 fn told(recording: &Recording) -> Vec<String> {
