@@ -19,9 +19,11 @@ mod write;
 use crate::container::Container;
 use crate::input::Input;
 use crate::open::Probe;
-use crate::ros::{self, Connection, Connections, Log, Message, Opened, Packing, Tape, Wire};
+use crate::ros::{
+    self, Connection, Connections, Found, Log, Message, Opened, Packing, RecordLog, Records, Tape, Wire,
+};
 use crate::{Error, Format, OpenOptions};
-use lobula_core::{Counters, Fault};
+use lobula_core::Fault;
 use std::sync::Arc;
 
 /// Its line in the table of formats.
@@ -72,9 +74,9 @@ fn open(input: Arc<Input>, options: &OpenOptions) -> Result<Box<dyn Container>, 
             (Channels::default(), Vec::new())
         }
     };
-    let log = McapLog::new(tape, chunks.into());
+    let log = RecordLog::<McapRecords>::new(tape, chunks.into());
     // A summary need not repeat the channels.
-    let channels = if channels.connections.0.is_empty() { log.fork().scan()? } else { channels };
+    let channels = if channels.connections.0.is_empty() { scan(log.fork())? } else { channels };
     let connections = channels.connections.0;
     ros::open(Opened { log, connections, fields: Vec::new(), warnings }, options)
 }
@@ -224,94 +226,63 @@ impl Summary {
     }
 }
 
-/// The messages of a file.
+/// The records of an MCAP file.
 #[derive(Debug)]
-struct McapLog {
-    tape: Tape,
-    /// Offsets of the chunks, where the summary tells them.
-    chunks: Arc<[u64]>,
-    /// What is left of the message that was found.
-    message_bytes: u64,
-    counters: Counters,
-}
+struct McapRecords;
 
-/// What the next record is.
-enum Found {
-    Message(Message),
-    /// A schema or a channel of this many bytes, which comes.
-    Names(Record),
-    Other,
-    End,
-}
+impl Records for McapRecords {
+    type Names = Record;
 
-impl McapLog {
-    fn new(tape: Tape, chunks: Arc<[u64]>) -> Self {
-        Self { tape, chunks, message_bytes: 0, counters: Counters::new() }
-    }
-
-    /// Every channel, by a full pass.
-    fn scan(mut self) -> Result<Channels, Error> {
-        let mut channels = Channels::default();
-        loop {
-            match self.find()? {
-                Found::Names(record) => {
-                    channels.add(record.op, record.content(&mut self.tape, NAMES_BYTES_MAX)?);
-                    self.tape.take(record.whole());
-                }
-                Found::End => return Ok(channels),
-                Found::Message(_) | Found::Other => {}
-            }
-        }
-    }
-
-    /// Passes over what is left of a message and looks at the record after it.
-    fn find(&mut self) -> Result<Found, Error> {
-        self.tape.take(std::mem::take(&mut self.message_bytes));
-        let in_chunk = self.tape.in_chunk();
-        if self.tape.left() == 0 {
-            self.tape.leave();
+    fn find(log: &mut RecordLog<Self>) -> Result<Found<Record>, Error> {
+        log.tape.take(std::mem::take(&mut log.left));
+        let in_chunk = log.tape.in_chunk();
+        if log.tape.left() == 0 {
+            log.tape.leave();
             return Ok(if in_chunk { Found::Other } else { Found::End });
         }
-        let Some(record) = Record::read(&mut self.tape)? else { return self.damaged() };
-        if in_chunk && record.whole() > self.tape.left() {
-            return self.damaged();
+        let Some(record) = Record::read(&mut log.tape)? else { return log.damaged() };
+        if in_chunk && record.whole() > log.tape.left() {
+            return log.damaged();
         }
         match (record.op, in_chunk) {
-            (OP_MESSAGE, _) if record.bytes >= MESSAGE_HEAD_BYTES as u64 => self.message(record),
-            (OP_SCHEMA | OP_CHANNEL, _) if record.whole() <= self.tape.available() => {
+            (OP_MESSAGE, _) if record.bytes >= MESSAGE_HEAD_BYTES as u64 => log.message(record),
+            (OP_SCHEMA | OP_CHANNEL, _) if record.whole() <= log.tape.available() => {
+                log.left = record.whole();
                 Ok(Found::Names(record))
             }
-            (OP_CHUNK, false) => self.chunk(record),
+            (OP_CHUNK, false) => log.chunk(record),
             (OP_DATA_END, false) => {
-                self.tape.jump(self.tape.position() + self.tape.left());
+                log.tape.jump(log.tape.position() + log.tape.left());
                 Ok(Found::End)
             }
             (OP_HEADER | OP_MESSAGE_INDEX..OP_DATA_END | OP_PRIVATE.., false)
-                if record.whole() <= self.tape.available() =>
+                if record.whole() <= log.tape.available() =>
             {
-                self.tape.take(record.whole());
+                log.tape.take(record.whole());
                 Ok(Found::Other)
             }
             (OP_PRIVATE.., true) => {
-                self.tape.take(record.whole());
+                log.tape.take(record.whole());
                 Ok(Found::Other)
             }
-            _ => self.damaged(),
+            _ => log.damaged(),
         }
     }
+}
 
-    fn message(&mut self, record: Record) -> Result<Found, Error> {
+impl RecordLog<McapRecords> {
+    fn message(&mut self, record: Record) -> Result<Found<Record>, Error> {
         let Some(connection) = Fields(record.content(&mut self.tape, MESSAGE_HEAD_BYTES)?).u16() else {
             return self.damaged();
         };
         self.tape.take((HEAD_BYTES + MESSAGE_HEAD_BYTES) as u64);
         let bytes = record.bytes - MESSAGE_HEAD_BYTES as u64;
-        self.message_bytes = bytes;
+        self.left = bytes;
         let available = bytes.min(self.tape.available());
         Ok(Found::Message(Message { connection: connection.into(), bytes, available }))
     }
 
-    fn chunk(&mut self, record: Record) -> Result<Found, Error> {
+    fn chunk(&mut self, record: Record) -> Result<Found<Record>, Error> {
         let content = record.content(&mut self.tape, CHUNK_HEAD_BYTES_MAX)?;
         let Some(head) = ChunkHead::parse(content).filter(|head| head.fits(record)) else {
             return self.pass(record);
@@ -325,7 +296,7 @@ impl McapLog {
     }
 
     /// Counts a record that cannot be read, if it is whole.
-    fn pass(&mut self, record: Record) -> Result<Found, Error> {
+    fn pass(&mut self, record: Record) -> Result<Found<Record>, Error> {
         if record.whole() > self.tape.available() {
             return self.damaged();
         }
@@ -333,12 +304,16 @@ impl McapLog {
         self.tape.take(record.whole());
         Ok(Found::Other)
     }
+}
 
-    /// The record that comes makes no sense.
-    fn damaged(&mut self) -> Result<Found, Error> {
-        self.tape.pass_damage(&self.chunks, &mut self.counters);
-        Ok(Found::Other)
-    }
+/// Every channel, by a full pass.
+fn scan(log: RecordLog<McapRecords>) -> Result<Channels, Error> {
+    let mut channels = Channels::default();
+    log.scan(|tape, record| {
+        channels.add(record.op, record.content(tape, NAMES_BYTES_MAX)?);
+        Ok(())
+    })?;
+    Ok(channels)
 }
 
 /// What comes before a chunk's data.
@@ -365,49 +340,5 @@ impl ChunkHead {
 
     fn fits(&self, record: Record) -> bool {
         self.packed_bytes.checked_add(self.head_bytes as u64) == Some(record.bytes)
-    }
-}
-
-impl Log for McapLog {
-    fn next(&mut self, wanted: &[u64]) -> Result<Option<Message>, Error> {
-        loop {
-            match self.find()? {
-                Found::Message(message) if wanted.contains(&message.connection) => return Ok(Some(message)),
-                Found::Message(message) if message.available < message.bytes => {
-                    ros::fault(&mut self.counters, Fault::CutShort, message.available);
-                }
-                Found::Names(record) => self.tape.take(record.whole()),
-                Found::End => return Ok(None),
-                Found::Message(_) | Found::Other => {}
-            }
-        }
-    }
-
-    fn peek(&mut self, min: usize) -> Result<&[u8], Error> {
-        let most = usize::try_from(self.message_bytes).unwrap_or(usize::MAX);
-        let bytes = self.tape.peek(min.min(most))?;
-        Ok(bytes.get(..most).unwrap_or(bytes))
-    }
-
-    fn take(&mut self, bytes: usize) {
-        self.tape.take(bytes as u64);
-        self.message_bytes = self.message_bytes.saturating_sub(bytes as u64);
-    }
-
-    fn position(&self) -> u64 {
-        self.tape.position()
-    }
-
-    fn counters(&self) -> &Counters {
-        &self.counters
-    }
-
-    fn input(&self) -> &Arc<Input> {
-        self.tape.input()
-    }
-
-    fn fork(&self) -> Self {
-        let (chunks, message_bytes, counters) = (self.chunks.clone(), self.message_bytes, self.counters);
-        Self { tape: self.tape.fork(), chunks, message_bytes, counters }
     }
 }

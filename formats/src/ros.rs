@@ -17,12 +17,14 @@ mod libcaer_cmp;
 mod log;
 mod notes;
 mod packing;
+mod records;
 pub(crate) mod serial;
 mod side;
 mod tape;
 
 use crate::container::{Container, Cursor, Items};
 use crate::intake::Intake;
+use crate::write;
 use crate::{Error, ErrorKind, Frame, ImuSample, OpenOptions, Stream, StreamKind, WriteOptions};
 use cursor::{Body, EventTopic, HEAD_BYTES_MAX, TopicCursor};
 use event_array::EventArrays;
@@ -37,6 +39,7 @@ use std::sync::Arc;
 pub(crate) use fields::Wire;
 pub(crate) use log::{Connection, Connections, Log, Message, fault};
 pub(crate) use packing::Packing;
+pub(crate) use records::{Found, RecordLog, Records};
 pub(crate) use tape::Tape;
 
 /// Largest sensor that the fields of an event in an array can tell.
@@ -116,6 +119,15 @@ fn topics(connections: &[Connection]) -> Vec<Topic> {
         }
     }
     topics
+}
+
+/// Refuses a time that does not fit a stamp of so many bits of seconds.
+pub(crate) fn check_time(t_us: u64, s_bits: u32, written: u64, path: &Path) -> Result<(), Error> {
+    if t_us / 1_000_000 < 1 << s_bits {
+        return Ok(());
+    }
+    let what = format!("time {t_us} µs is beyond the 2^{s_bits} s of the format");
+    Err(write::refused(path, written, &what, "write it with --rebase"))
 }
 
 /// What a container found when it was opened.

@@ -19,9 +19,11 @@ mod write;
 use crate::container::Container;
 use crate::input::Input;
 use crate::open::Probe;
-use crate::ros::{self, Connection, Connections, Log, Message, Opened, Packing, Tape, Wire};
+use crate::ros::{
+    self, Connection, Connections, Found, Log, Message, Opened, Packing, RecordLog, Records, Tape, Wire,
+};
 use crate::{Error, ErrorKind, Format, OpenOptions};
-use lobula_core::{Counters, Fault};
+use lobula_core::Fault;
 use std::sync::Arc;
 
 /// Its line in the table of formats.
@@ -60,9 +62,8 @@ fn open(input: Arc<Input>, options: &OpenOptions) -> Result<Box<dyn Container>, 
             (Connections::default(), Vec::new())
         }
     };
-    let mut log = BagLog::new(tape, chunks.into());
-    let connections = if connections.0.is_empty() { log.fork().scan()? } else { connections };
-    log.counters = Counters::new();
+    let log = RecordLog::<BagRecords>::new(tape, chunks.into());
+    let connections = if connections.0.is_empty() { scan(log.fork())? } else { connections };
     let connections = connections.0;
     ros::open(Opened { log, connections, fields: Vec::new(), warnings }, options)
 }
@@ -225,96 +226,77 @@ fn read_connection(tape: &mut Tape, record: &Record) -> Result<Option<Connection
     Ok(connection())
 }
 
-/// The messages of a bag.
+/// Every connection, by a full pass.
+fn scan(log: RecordLog<BagRecords>) -> Result<Connections, Error> {
+    let mut connections = Connections::default();
+    log.scan(|_, connection| {
+        connections.add(connection);
+        Ok(())
+    })?;
+    Ok(connections)
+}
+
+/// The records of a bag.
 #[derive(Debug)]
-struct BagLog {
-    tape: Tape,
-    /// Offsets of the chunks, where the index tells them.
-    chunks: Arc<[u64]>,
-    /// What is left of the message that was found.
-    message_bytes: u64,
-    counters: Counters,
-}
+struct BagRecords;
 
-/// What the next record is.
-enum Found {
-    Message(Message),
-    Connection(Connection),
-    /// Nothing to the reader.
-    Other,
-    End,
-}
+impl Records for BagRecords {
+    type Names = Connection;
 
-impl BagLog {
-    fn new(tape: Tape, chunks: Arc<[u64]>) -> Self {
-        Self { tape, chunks, message_bytes: 0, counters: Counters::new() }
-    }
-
-    /// Every connection, by a full pass.
-    fn scan(mut self) -> Result<Connections, Error> {
-        let mut connections = Connections::default();
-        loop {
-            match self.find()? {
-                Found::Connection(connection) => connections.add(connection),
-                Found::End => return Ok(connections),
-                Found::Message(_) | Found::Other => {}
-            }
-        }
-    }
-
-    /// Passes over what is left of a message and looks at the record after it.
-    fn find(&mut self) -> Result<Found, Error> {
-        self.tape.take(std::mem::take(&mut self.message_bytes));
-        if self.tape.left() == 0 {
-            if !self.tape.in_chunk() {
+    fn find(log: &mut RecordLog<Self>) -> Result<Found<Connection>, Error> {
+        log.tape.take(std::mem::take(&mut log.left));
+        if log.tape.left() == 0 {
+            if !log.tape.in_chunk() {
                 return Ok(Found::End);
             }
-            self.tape.leave();
+            log.tape.leave();
             return Ok(Found::Other);
         }
-        let Some(record) = Record::read(&mut self.tape)? else { return self.damaged() };
-        if self.tape.in_chunk() && record.bytes() > self.tape.left() {
-            return self.damaged();
+        let Some(record) = Record::read(&mut log.tape)? else { return log.damaged() };
+        if log.tape.in_chunk() && record.bytes() > log.tape.left() {
+            return log.damaged();
         }
-        let in_chunk = self.tape.in_chunk();
-        let head = self.tape.peek(record.head_bytes)?;
+        let in_chunk = log.tape.in_chunk();
+        let head = log.tape.peek(record.head_bytes)?;
         let fields = record.fields(head);
         match (fields.op(), in_chunk) {
             (Some(OP_MESSAGE), _) => match fields.u32(b"conn") {
-                Some(connection) => Ok(self.message(connection, record)),
-                None => self.damaged(),
+                Some(connection) => Ok(log.message(connection, record)),
+                None => log.damaged(),
             },
             (Some(OP_CHUNK), false) => {
                 let packing = fields.bytes(b"compression").and_then(Packing::from_name);
                 let packing = packing.filter(|packing| *packing != Packing::Zstd);
                 match packing.zip(fields.u32(b"size")) {
-                    Some((packing, size)) => self.chunk(packing, size, record),
-                    None => self.pass(record, Fault::Damaged),
+                    Some((packing, size)) => log.chunk(packing, size, record),
+                    None => log.pass(record, Fault::Damaged),
                 }
             }
-            (Some(OP_CONNECTION), _) => match read_connection(&mut self.tape, &record)? {
+            (Some(OP_CONNECTION), _) => match read_connection(&mut log.tape, &record)? {
                 Some(connection) => {
-                    self.tape.take(record.bytes());
-                    Ok(Found::Connection(connection))
+                    log.tape.take(record.bytes());
+                    Ok(Found::Names(connection))
                 }
-                None => self.damaged(),
+                None => log.damaged(),
             },
             (Some(OP_BAG | OP_INDEX | OP_CHUNK_INFO), false) => {
-                self.tape.take(record.bytes());
+                log.tape.take(record.bytes());
                 Ok(Found::Other)
             }
-            _ => self.damaged(),
+            _ => log.damaged(),
         }
     }
+}
 
-    fn message(&mut self, connection: u32, record: Record) -> Found {
+impl RecordLog<BagRecords> {
+    fn message(&mut self, connection: u32, record: Record) -> Found<Connection> {
         self.tape.take(record.head_bytes as u64);
-        self.message_bytes = record.data_bytes;
+        self.left = record.data_bytes;
         let available = record.data_bytes.min(self.tape.available());
         Found::Message(Message { connection: connection.into(), bytes: record.data_bytes, available })
     }
 
-    fn chunk(&mut self, packing: Packing, size: u32, record: Record) -> Result<Found, Error> {
+    fn chunk(&mut self, packing: Packing, size: u32, record: Record) -> Result<Found<Connection>, Error> {
         self.tape.take(record.head_bytes as u64);
         if !self.tape.enter(packing, record.data_bytes, size.into(), None)? {
             ros::fault(&mut self.counters, Fault::Damaged, record.data_bytes);
@@ -323,58 +305,9 @@ impl BagLog {
     }
 
     /// Counts a record that cannot be read.
-    fn pass(&mut self, record: Record, fault: Fault) -> Result<Found, Error> {
+    fn pass(&mut self, record: Record, fault: Fault) -> Result<Found<Connection>, Error> {
         ros::fault(&mut self.counters, fault, record.bytes().min(self.tape.available()));
         self.tape.take(record.bytes());
         Ok(Found::Other)
-    }
-
-    /// The record that comes makes no sense.
-    fn damaged(&mut self) -> Result<Found, Error> {
-        self.tape.pass_damage(&self.chunks, &mut self.counters);
-        Ok(Found::Other)
-    }
-}
-
-impl Log for BagLog {
-    fn next(&mut self, wanted: &[u64]) -> Result<Option<Message>, Error> {
-        loop {
-            match self.find()? {
-                Found::Message(message) if wanted.contains(&message.connection) => return Ok(Some(message)),
-                Found::Message(message) if message.available < message.bytes => {
-                    ros::fault(&mut self.counters, Fault::CutShort, message.available);
-                }
-                Found::End => return Ok(None),
-                Found::Message(_) | Found::Connection(_) | Found::Other => {}
-            }
-        }
-    }
-
-    fn peek(&mut self, min: usize) -> Result<&[u8], Error> {
-        let most = usize::try_from(self.message_bytes).unwrap_or(usize::MAX);
-        let bytes = self.tape.peek(min.min(most))?;
-        Ok(bytes.get(..most).unwrap_or(bytes))
-    }
-
-    fn take(&mut self, bytes: usize) {
-        self.tape.take(bytes as u64);
-        self.message_bytes = self.message_bytes.saturating_sub(bytes as u64);
-    }
-
-    fn position(&self) -> u64 {
-        self.tape.position()
-    }
-
-    fn counters(&self) -> &Counters {
-        &self.counters
-    }
-
-    fn input(&self) -> &Arc<Input> {
-        self.tape.input()
-    }
-
-    fn fork(&self) -> Self {
-        let (chunks, message_bytes, counters) = (self.chunks.clone(), self.message_bytes, self.counters);
-        Self { tape: self.tape.fork(), chunks, message_bytes, counters }
     }
 }

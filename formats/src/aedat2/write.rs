@@ -4,7 +4,7 @@ use super::clock::Clock;
 use super::imu::{self, WORDS};
 use super::{CHIPS, Chip, Layout, SIZE_KEY};
 use crate::output::Output;
-use crate::write::{Encoder, Kept, WriteOptions, required};
+use crate::write::{self, Encoder, Kept, WriteOptions, required};
 use crate::{Error, ErrorKind, ImuSample};
 use lobula_core::{Event, Geometry, Polarity, Span, Trigger};
 use std::path::Path;
@@ -104,8 +104,7 @@ impl Aedat2Encoder {
     }
 
     fn refused(&self, what: String, remedy: &str) -> Error {
-        let what = format!("cannot be written after event {}: {what}", self.items);
-        Error::new(ErrorKind::Refused, self.output.path(), what, remedy)
+        write::refused(self.output.path(), self.items, &what, remedy)
     }
 
     fn address(&self, event: Event) -> u32 {

@@ -5,7 +5,7 @@ use super::flatbuffer::Builder;
 use super::info::{self, Declared};
 use super::{GEOMETRY_MAX, GRAVITY, MAGIC};
 use crate::output::Output;
-use crate::write::{Encoder, Kept, WriteOptions, required};
+use crate::write::{self, Encoder, Kept, WriteOptions, required};
 use crate::{Compression, Error, ErrorKind, Frame, ImuSample, PixelFormat};
 use lobula_core::{Geometry, Polarity, Span, Trigger};
 use std::borrow::Cow;
@@ -124,8 +124,7 @@ impl Aedat4Encoder {
     }
 
     fn refused(&self, what: String, remedy: &str) -> Error {
-        let what = format!("cannot be written after event {}: {what}", self.items);
-        Error::new(ErrorKind::Refused, self.output.path(), what, remedy)
+        write::refused(self.output.path(), self.items, &what, remedy)
     }
 
     fn time(&self, t: u64) -> Result<i64, Error> {

@@ -7,7 +7,7 @@ mod structure;
 
 use super::filter::Codec;
 use crate::output::Output;
-use crate::write::{Compression, Encoder, WriteOptions};
+use crate::write::{self, Compression, Encoder, WriteOptions};
 use crate::{Error, ErrorKind};
 use column::{Column, Element};
 use lobula_core::{Geometry, Span};
@@ -197,11 +197,11 @@ impl Hdf5Encoder {
     }
 
     fn refused(&self, why: &str, i: usize, t: u64) -> Error {
-        let what = format!("cannot be written after event {}: the time {t} µs {why}", self.events + i as u64);
         let remedy = match self.layout {
             Layout::Own => "write it with --rebase",
             Layout::Dsec => "write it with --layout lobula, or cut it with --t-start and --t-stop",
         };
-        Error::new(ErrorKind::Refused, self.output.path(), what, remedy)
+        let what = format!("the time {t} µs {why}");
+        write::refused(self.output.path(), self.events + i as u64, &what, remedy)
     }
 }

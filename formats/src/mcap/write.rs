@@ -8,7 +8,7 @@ use super::{
 use crate::output::Output;
 use crate::raw::{self, GEOMETRY_MAX};
 use crate::ros::definition::{Definition, ros2};
-use crate::ros::{Packing, Wire, packing_of, serial};
+use crate::ros::{self, Packing, Wire, packing_of, serial};
 use crate::write::{Encoder, Kept, WriteOptions, required};
 use crate::{Error, ErrorKind, Frame, ImuSample};
 use lobula_core::wire::{AnyEncoder, Encoding};
@@ -22,8 +22,8 @@ const MESSAGE_BYTES: usize = 64 << 10;
 const MESSAGE_US: u64 = 10_000;
 /// Bytes encoded at once.
 const CODE_BYTES: usize = 32 << 10;
-/// Latest second that a stamp of ROS 2 tells.
-const S_MAX: u64 = i32::MAX as u64;
+/// Bits of seconds in a stamp of ROS 2.
+const S_BITS: u32 = 31;
 
 /// What is sent under which name; channel and schema have the number of the place, from 1.
 const TOPICS: [(&str, Definition); 3] = [
@@ -239,14 +239,7 @@ impl McapEncoder {
 
     /// Refuses a time that a stamp does not tell.
     fn check_time(&self, t_us: u64) -> Result<(), Error> {
-        if t_us / 1_000_000 <= S_MAX {
-            return Ok(());
-        }
-        let what = format!(
-            "cannot be written after event {}: time {t_us} µs is beyond the 2^31 s of the format",
-            self.written
-        );
-        Err(Error::new(ErrorKind::Refused, self.output.path(), what, "write it with --rebase"))
+        ros::check_time(t_us, S_BITS, self.written, self.output.path())
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::GEOMETRY_MAX;
 use crate::output::Output;
-use crate::write::{Encoder, Kept, WriteOptions, required};
+use crate::write::{self, Encoder, Kept, WriteOptions, required};
 use crate::{Error, ErrorKind};
 use lobula_core::wire::{AnyEncoder, Encoding, WordOrder};
 use lobula_core::{Encode, Geometry, Refused, Span, Trigger};
@@ -66,8 +66,7 @@ pub(crate) fn refused(refused: Refused, events: u64, path: &Path) -> Error {
             (format!("trigger input {channel} is beyond the format's"), "choose another encoding")
         }
     };
-    let what = format!("cannot be written after event {events}: {what}");
-    Error::new(ErrorKind::Refused, path, what, remedy)
+    write::refused(path, events, &what, remedy)
 }
 
 impl Encoder for RawEncoder {

@@ -4,9 +4,9 @@ use super::{MAGIC, OP_BAG, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION, OP_INDEX, OP_
 use crate::output::Output;
 use crate::ros::definition::{Definition, ros1};
 use crate::ros::serial::{self, stamp};
-use crate::ros::{Packing, Wire, packing_of};
+use crate::ros::{self, Packing, Wire, packing_of};
 use crate::write::{Encoder, Kept, WriteOptions, required};
-use crate::{Error, ErrorKind, Frame, ImuSample};
+use crate::{Error, Frame, ImuSample};
 use lobula_core::{Geometry, Span};
 use std::path::Path;
 
@@ -17,8 +17,8 @@ const CHUNK_BYTES: usize = 768 << 10;
 /// Most events of a message, and most µs from its first to its last.
 const MESSAGE_EVENTS: u32 = 8192;
 const MESSAGE_US: u64 = 10_000;
-/// Latest second that 32 bits tell.
-const S_MAX: u64 = u32::MAX as u64;
+/// Bits of seconds in a stamp.
+const S_BITS: u32 = 32;
 
 /// What is sent under which name; the place is the connection's number.
 const TOPICS: [(&str, Definition); 3] =
@@ -160,14 +160,7 @@ impl BagEncoder {
 
     /// Refuses a time that 32 bits of seconds do not tell.
     fn check_time(&self, t_us: u64) -> Result<(), Error> {
-        if t_us / 1_000_000 <= S_MAX {
-            return Ok(());
-        }
-        let what = format!(
-            "cannot be written after event {}: time {t_us} µs is beyond the 2^32 s of the format",
-            self.written
-        );
-        Err(Error::new(ErrorKind::Refused, self.output.path(), what, "write it with --rebase"))
+        ros::check_time(t_us, S_BITS, self.written, self.output.path())
     }
 }
 
