@@ -4,10 +4,10 @@ use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
 use lobula_core::simulation::{self, Camera, SceneSpec};
-use lobula_core::wire::{Encoding, evt3};
-use lobula_core::{Block, Decode, Event, Geometry, Sink, Span, Window};
+use lobula_core::wire::Encoding;
+use lobula_core::{Block, Event, Geometry, Span, Window};
 
-use crate::wire::Wire;
+use crate::wire::{Wire, decode};
 
 /// Events the decoder and filters are measured on.
 pub const EVENTS: usize = 20_000_000;
@@ -54,11 +54,11 @@ impl Scene {
         let file = std::fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
         let words = words_after_header(&file);
         let geometry = Geometry::new(1280, 720);
-        let once = decode(&to_bytes(&words), geometry)?;
+        let once = decode(Encoding::Evt3, geometry, &to_bytes(&words))?;
         let copies = events.div_ceil(once.len().max(1)).max(1);
         let repetition = Repetition::of(&words).ok_or("the recording tells no time")?;
         let bytes = to_bytes(&repetition.repeat(&words, copies));
-        let all = decode(&bytes, geometry)?;
+        let all = decode(Encoding::Evt3, geometry, &bytes)?;
         repetition.check(&once, &all, copies)?;
         let t_first = repetition.t_first
             + u64::from(once.first().map_or(0, |e| e.t()).wrapping_sub(repetition.t_first as u32));
@@ -82,7 +82,7 @@ impl Scene {
             let sent = camera.next_packet(&mut packet).bytes;
             bytes.extend_from_slice(&packet[..sent]);
         }
-        let all = decode(&bytes, spec.geometry)?;
+        let all = decode(Encoding::Evt3, spec.geometry, &bytes)?;
         let t_first = all.first().map_or(0, |event| u64::from(event.t()));
         let source = format!("synthetic scene, since {RECORDING} is absent, {} events", all.len());
         Ok(Self::new(bytes, spec.geometry, all, t_first, source))
@@ -137,24 +137,6 @@ pub fn file_of(name: &str) -> Option<PathBuf> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
     let path = std::env::var_os("LOBULA_SHARED").map_or_else(beside, PathBuf::from).join("data").join(name);
     path.exists().then_some(path)
-}
-
-/// Every event of an EVT3 stream.
-fn decode(bytes: &[u8], geometry: Geometry) -> Result<Vec<Event>, String> {
-    let mut decoder = evt3::Decoder::new(geometry);
-    let mut buffer = vec![Event::default(); PACKET_EVENTS];
-    let mut events = Vec::new();
-    let mut rest = bytes;
-    while !rest.is_empty() {
-        let mut sink = Sink::new(&mut buffer);
-        let taken = decoder.decode(rest, &mut sink);
-        if taken == 0 && sink.is_empty() {
-            return Err("the decoder stands still".into());
-        }
-        events.extend_from_slice(sink.block(geometry).span().events);
-        rest = &rest[taken..];
-    }
-    Ok(events)
 }
 
 /// What follows a RAW file's header.

@@ -99,7 +99,7 @@ fn decoder(encoding: Encoding, geometry: Geometry, kernel: Kernel) -> AnyDecoder
 }
 
 /// Every event, word after word.
-fn decode(encoding: Encoding, geometry: Geometry, bytes: &[u8]) -> Result<Vec<Event>, String> {
+pub(crate) fn decode(encoding: Encoding, geometry: Geometry, bytes: &[u8]) -> Result<Vec<Event>, String> {
     let mut decoder = decoder(encoding, geometry, Kernel::Plain);
     let mut buffer = vec![Event::default(); PACKET_EVENTS];
     let mut events = Vec::new();

@@ -318,9 +318,7 @@ impl ByteDecoder for Decoder {
     }
 
     fn finish(&mut self, unread: &[u8]) {
-        if !unread.is_empty() {
-            self.intake.fault(Fault::CutShort, unread.len() as u64);
-        }
+        self.intake.cut_short(unread);
     }
 
     fn counters(&self) -> Counters {

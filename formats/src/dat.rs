@@ -18,7 +18,7 @@ use crate::open::Probe;
 use crate::raw::header::Header;
 use crate::wrap::{LATE_US_MAX, Wrap32};
 use crate::{Error, ErrorKind, Format, OpenOptions};
-use lobula_core::{Counters, Event, Fault, Geometry, Polarity, Sink};
+use lobula_core::{Counters, Event, Geometry, Polarity, Sink};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -294,9 +294,7 @@ impl ByteDecoder for Decoder {
     }
 
     fn finish(&mut self, unread: &[u8]) {
-        if !unread.is_empty() {
-            self.intake.fault(Fault::CutShort, unread.len() as u64);
-        }
+        self.intake.cut_short(unread);
     }
 
     fn counters(&self) -> Counters {

@@ -18,7 +18,7 @@ use crate::input::Input;
 use crate::intake::{Intake, Taken};
 use crate::open::Probe;
 use crate::{Error, ErrorKind, Format, OpenOptions, Stream, StreamKind};
-use lobula_core::{Counters, Fault, Geometry, Sink};
+use lobula_core::{Counters, Geometry, Sink};
 use std::sync::Arc;
 
 mod write;
@@ -192,9 +192,7 @@ impl ByteDecoder for Decoder {
     }
 
     fn finish(&mut self, unread: &[u8]) {
-        if !unread.is_empty() {
-            self.intake.fault(Fault::CutShort, unread.len() as u64);
-        }
+        self.intake.cut_short(unread);
     }
 
     fn counters(&self) -> Counters {
@@ -206,6 +204,7 @@ impl ByteDecoder for Decoder {
 mod tests {
     use super::*;
     use crate::open_with;
+    use lobula_core::Fault;
 
     /// A 4x3 file of this type with these bytes: every event as `t x y p`, or the error.
     #[track_caller]

@@ -128,6 +128,13 @@ impl Intake {
         self.counters.bytes_decoded += bytes;
     }
 
+    /// Counts the bytes of a record that the end of the file cuts, if there are any.
+    pub fn cut_short(&mut self, unread: &[u8]) {
+        if !unread.is_empty() {
+            self.fault(Fault::CutShort, unread.len() as u64);
+        }
+    }
+
     /// Counts bytes that cannot be read.
     pub fn fault(&mut self, fault: Fault, bytes: u64) {
         self.counters.faults.count(fault);

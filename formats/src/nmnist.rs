@@ -15,7 +15,7 @@ use crate::input::Input;
 use crate::intake::{Intake, Taken};
 use crate::open::Probe;
 use crate::{Error, Format, OpenOptions};
-use lobula_core::{Counters, Fault, Geometry, Sink};
+use lobula_core::{Counters, Geometry, Sink};
 use std::sync::Arc;
 
 /// Its line in the table of formats.
@@ -89,9 +89,7 @@ impl ByteDecoder for Decoder {
     }
 
     fn finish(&mut self, unread: &[u8]) {
-        if !unread.is_empty() {
-            self.intake.fault(Fault::CutShort, unread.len() as u64);
-        }
+        self.intake.cut_short(unread);
     }
 
     fn counters(&self) -> Counters {
