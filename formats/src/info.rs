@@ -80,6 +80,8 @@ impl Summary {
         summary.count(&blocks.counters());
         summary.count_side_items(recording)?;
         summary.sha256 = digest.map(Digest::finish);
+        // Last: some show in the passes.
+        summary.warnings = recording.warnings();
         Ok(summary)
     }
 
@@ -92,7 +94,6 @@ impl Summary {
             width: geometry.map(|geometry| geometry.width),
             height: geometry.map(|geometry| geometry.height),
             streams: recording.streams(),
-            warnings: recording.warnings(),
             ..Self::default()
         }
     }

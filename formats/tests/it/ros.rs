@@ -289,6 +289,8 @@ fn missing_messages_are_gaps() {
     let recording = open(&path).unwrap();
     assert_eq!(told(&recording), [(4098, 5, 7), (4099, 7, 8)], "nothing before time and row are known again");
     assert_eq!(recording.warnings()[1], "2 messages of events are missing by their sequence numbers");
+    let summary = Summary::of(&open(&path).unwrap(), WithDigest::No).unwrap();
+    assert_eq!(summary.warnings, recording.warnings(), "what shows in the pass is told too");
 }
 
 #[test]
