@@ -86,7 +86,7 @@ fn recording(encoding: Encoding) -> Option<(&'static str, Geometry)> {
         Encoding::Evt2 => Some(("evt2_gen3_640x480.raw", Geometry::new(640, 480))),
         Encoding::Evt21(WordOrder::Little) => Some(("evt21_le_1280x720.raw", Geometry::new(1280, 720))),
         Encoding::Evt21(WordOrder::Legacy) => Some(("evt21_legacy_1280x720.raw", Geometry::new(1280, 720))),
-        Encoding::Evt3 => None,
+        Encoding::Evt3 | Encoding::Evt4 => None,
     }
 }
 
@@ -94,7 +94,7 @@ fn decoder(encoding: Encoding, geometry: Geometry, kernel: Kernel) -> AnyDecoder
     match encoding {
         Encoding::Evt2 => AnyDecoder::Evt2(evt2::Decoder::with_kernel(geometry, kernel)),
         Encoding::Evt21(order) => AnyDecoder::Evt21(evt21::Decoder::with_kernel(geometry, order, kernel)),
-        Encoding::Evt3 => AnyDecoder::new(encoding, geometry),
+        Encoding::Evt3 | Encoding::Evt4 => AnyDecoder::new(encoding, geometry),
     }
 }
 

@@ -1,4 +1,4 @@
-//! Prophesee RAW: a text header, then the camera's bytes as they came (EVT2, EVT2.1 or EVT3).
+//! Prophesee RAW: a text header, then the camera's bytes as they came (EVT2, EVT2.1, EVT3 or EVT4).
 //!
 //! Spec: <https://docs.prophesee.ai/stable/data/file_formats/raw.html>
 //!

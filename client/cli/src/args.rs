@@ -97,7 +97,7 @@ pub struct ConvertArgs {
     /// Format to write, in place of what the end of the name says
     #[arg(long, value_name = "NAME")]
     pub format: Option<String>,
-    /// How to encode events, in a camera's format: evt2, evt21, evt21-legacy or evt3
+    /// How to encode events, in a camera's format: evt2, evt21, evt21_legacy, evt3 or evt4
     #[arg(long, value_name = "NAME", value_parser = input::encoding)]
     pub output_encoding: Option<Encoding>,
     /// How to compress, where the format can: none, lz4, lz4-high, zstd, zstd-high, gzip or bz2

@@ -1,6 +1,6 @@
 //! Words out of bytes: what makes every decoder resumable at any byte.
 
-use crate::{Counters, Fault, Sink};
+use crate::{Counters, Encoded, Event, Fault, Refused, Sink, Span, Trigger};
 
 /// The bytes of a word of `N` bytes whose rest is still to come.
 #[derive(Clone, Copy, Debug)]
@@ -113,4 +113,64 @@ impl<const N: usize> Held<N> {
         self.from += n;
         self.from == N
     }
+}
+
+/// An encoder that goes word by word, each held until it is written.
+pub(super) trait Steps {
+    /// Writes what is held to `out` from `at` on as far as it goes, and moves `at`. Whether nothing is left.
+    fn write(&mut self, out: &mut [u8], at: &mut usize) -> bool;
+
+    /// One step toward an event: it is taken (true), or a word that must come before it is held to be sent.
+    fn step(&mut self, t: u64, event: Event) -> Result<bool, Refused>;
+
+    /// The same toward a trigger.
+    fn step_trigger(&mut self, trigger: Trigger) -> Result<bool, Refused>;
+
+    /// Holds a word still open to be sent; whether there was one.
+    fn close(&mut self) -> bool;
+}
+
+/// [`Encode::encode`](crate::Encode::encode) for an encoder that goes word by word.
+#[inline]
+pub(super) fn encode(encoder: &mut impl Steps, span: Span<'_>, out: &mut [u8]) -> Encoded {
+    let mut done = Encoded { events: 0, bytes: 0, refused: None };
+    for event in span.events {
+        loop {
+            if !encoder.write(out, &mut done.bytes) {
+                return done;
+            }
+            match encoder.step(span.time(*event), *event) {
+                Ok(true) => break,
+                Ok(false) => {}
+                Err(refused) => return Encoded { refused: Some(refused), ..done },
+            }
+        }
+        done.events += 1;
+    }
+    encoder.write(out, &mut done.bytes);
+    done
+}
+
+/// [`Encode::trigger`](crate::Encode::trigger) for one.
+#[inline]
+pub(super) fn encode_trigger(encoder: &mut impl Steps, trigger: Trigger, out: &mut [u8]) -> Encoded {
+    let mut done = Encoded { events: 0, bytes: 0, refused: None };
+    while done.events == 0 && encoder.write(out, &mut done.bytes) {
+        match encoder.step_trigger(trigger) {
+            Ok(taken) => done.events = taken.into(),
+            Err(refused) => return Encoded { refused: Some(refused), ..done },
+        }
+    }
+    encoder.write(out, &mut done.bytes);
+    done
+}
+
+/// [`Encode::finish`](crate::Encode::finish) for one.
+#[inline]
+pub(super) fn finish(encoder: &mut impl Steps, out: &mut [u8]) -> usize {
+    let mut bytes = 0;
+    if encoder.write(out, &mut bytes) && encoder.close() {
+        encoder.write(out, &mut bytes);
+    }
+    bytes
 }

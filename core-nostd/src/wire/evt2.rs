@@ -17,14 +17,13 @@ mod portable;
 #[cfg(test)]
 mod tests;
 
-use super::carry::{self, Carry, Held, Words};
+use super::carry::{self, Carry, Held, Steps, Words};
 use super::kernel::{Chosen, Done, Kernel};
 use super::steady::Steady;
 use super::time_high::{self, Clock, ClockOut};
 use crate::event::packed::pack;
 use crate::{
-    Counters, Decode, Encode, Encoded, Event, Fault, Geometry, Polarity, Refused, Sink, Span, Trigger,
-    full_time,
+    Counters, Decode, Encode, Encoded, Event, Fault, Geometry, Refused, Sink, Span, Trigger, full_time,
 };
 
 const WORD_BYTES: usize = 4;
@@ -33,10 +32,6 @@ const TIME_HIGH: u32 = 0x8;
 const EXT_TRIGGER: u32 = 0xA;
 const OTHERS: u32 = 0xE;
 const CONTINUED: u32 = 0xF;
-/// Largest number of a trigger input.
-const CHANNEL_MAX: u8 = 0x1F;
-/// Largest coordinate of 11 bits.
-const COORDINATE_MAX: u16 = 0x7FF;
 
 const fn kind(word: u32) -> u32 {
     word >> 28
@@ -159,7 +154,7 @@ impl Decoder {
                 self.clock.time_high(word.into());
                 Ok(true)
             }
-            EXT_TRIGGER => self.trigger(word, sink),
+            EXT_TRIGGER => self.clock.trigger(word, &mut self.counters, sink),
             OTHERS | CONTINUED => Ok(true),
             _ => Err(Fault::UnknownWord),
         };
@@ -183,22 +178,6 @@ impl Decoder {
             return Ok(false);
         }
         self.counters.events += 1;
-        self.clock.set_now(t);
-        Ok(true)
-    }
-
-    fn trigger(&mut self, word: u32, sink: &mut Sink<'_>) -> Result<bool, Fault> {
-        let t = self.clock.base().ok_or(Fault::BeforeTime)? | u64::from(time_low(word));
-        let trigger = Trigger {
-            t,
-            ordinal: self.counters.events - self.counters.off_sensor,
-            channel: (word >> 8) as u8 & 0x1F,
-            edge: Polarity::from_bit(word as u16),
-        };
-        if !sink.push_trigger(trigger) {
-            return Ok(false);
-        }
-        self.counters.triggers += 1;
         self.clock.set_now(t);
         Ok(true)
     }
@@ -277,34 +256,11 @@ impl Encoder {
         Self { clock: ClockOut::new(), held: Held::new() }
     }
 
-    /// Holds the word to send next for an event; whether it was the event's own.
+    /// Holds `word` of time `t`, or the TIME_HIGH it needs first; whether it was `word`.
     #[inline]
-    fn hold(&mut self, t: u64, event: Event) -> Result<bool, Refused> {
-        let (x, y) = (event.x(), event.y());
-        if x > COORDINATE_MAX || y > COORDINATE_MAX {
-            return Err(Refused::OffFormat { x, y });
-        }
-        let kind = event.is_on() as u32;
-        self.hold_at(t, kind << 28 | u32::from(x) << 11 | u32::from(y))
-    }
-
-    #[inline]
-    fn hold_trigger(&mut self, trigger: Trigger) -> Result<bool, Refused> {
-        let Trigger { t, channel, edge, .. } = trigger;
-        if channel > CHANNEL_MAX {
-            return Err(Refused::NoChannel { channel });
-        }
-        self.hold_at(t, EXT_TRIGGER << 28 | u32::from(channel) << 8 | edge as u32)
-    }
-
-    /// Holds `word`, with the time's low bits, or the TIME_HIGH it needs first; whether it was `word`.
-    #[inline]
-    fn hold_at(&mut self, t: u64, word: u32) -> Result<bool, Refused> {
+    fn hold(&mut self, t: u64, word: u32) -> Result<bool, Refused> {
         let time_high = self.clock.toward(t)?;
-        let word = match time_high {
-            Some(reading) => TIME_HIGH << 28 | reading as u32,
-            None => word | (t as u32 & 0x3F) << 22,
-        };
+        let word = time_high.map_or(word, |reading| TIME_HIGH << 28 | reading as u32);
         self.held.set(word.to_le_bytes());
         Ok(time_high.is_none())
     }
@@ -316,42 +272,38 @@ impl Default for Encoder {
     }
 }
 
+impl Steps for Encoder {
+    #[inline]
+    fn write(&mut self, out: &mut [u8], at: &mut usize) -> bool {
+        self.held.write(out, at)
+    }
+
+    #[inline]
+    fn step(&mut self, t: u64, event: Event) -> Result<bool, Refused> {
+        time_high::check_pixel(event)?;
+        self.hold(t, time_high::event_word(event.is_on() as u32, t, event))
+    }
+
+    fn step_trigger(&mut self, trigger: Trigger) -> Result<bool, Refused> {
+        self.hold(trigger.t, time_high::trigger_word(EXT_TRIGGER, trigger)?)
+    }
+
+    fn close(&mut self) -> bool {
+        false // each event has a word of its own
+    }
+}
+
 impl Encode for Encoder {
     fn encode(&mut self, span: Span<'_>, out: &mut [u8]) -> Encoded {
-        let mut done = Encoded { events: 0, bytes: 0, refused: None };
-        for event in span.events {
-            loop {
-                if !self.held.write(out, &mut done.bytes) {
-                    return done;
-                }
-                match self.hold(span.time(*event), *event) {
-                    Ok(true) => break,
-                    Ok(false) => {}
-                    Err(refused) => return Encoded { refused: Some(refused), ..done },
-                }
-            }
-            done.events += 1;
-        }
-        self.held.write(out, &mut done.bytes);
-        done
+        carry::encode(self, span, out)
     }
 
     fn trigger(&mut self, trigger: Trigger, out: &mut [u8]) -> Encoded {
-        let mut done = Encoded { events: 0, bytes: 0, refused: None };
-        while done.events == 0 && self.held.write(out, &mut done.bytes) {
-            match self.hold_trigger(trigger) {
-                Ok(taken) => done.events = taken.into(),
-                Err(refused) => return Encoded { refused: Some(refused), ..done },
-            }
-        }
-        self.held.write(out, &mut done.bytes);
-        done
+        carry::encode_trigger(self, trigger, out)
     }
 
     fn finish(&mut self, out: &mut [u8]) -> usize {
-        let mut bytes = 0;
-        self.held.write(out, &mut bytes);
-        bytes
+        carry::finish(self, out)
     }
 }
 

@@ -20,27 +20,24 @@ mod portable;
 #[cfg(test)]
 mod tests;
 
-use super::carry::{self, Carry, Held, Words};
+use super::carry::{self, Carry, Held, Steps, Words};
 use super::evt2::{Limits, pixel};
 use super::kernel::{Chosen, Done, Kernel};
 use super::steady::Steady;
 use super::time_high::{self, Clock, ClockOut};
 use crate::event::packed::{COLUMN, pack};
 use crate::{
-    Counters, Decode, Encode, Encoded, Event, Fault, Geometry, Polarity, Refused, Sink, Span, Trigger,
-    full_time,
+    Counters, Decode, Encode, Encoded, Event, Fault, Geometry, Refused, Sink, Span, Trigger, full_time,
 };
 
 const WORD_BYTES: usize = 8;
 /// Events that one word can hold.
-const VECTOR_LEN: usize = 32;
+pub(super) const VECTOR_LEN: usize = 32;
 const EVT_POS: u32 = 0x1;
 const TIME_HIGH: u32 = 0x8;
 const EXT_TRIGGER: u32 = 0xA;
 const OTHERS: u32 = 0xE;
 const CONTINUED: u32 = 0xF;
-/// Largest number of a trigger input.
-const CHANNEL_MAX: u8 = 0x1F;
 /// Largest coordinate of 11 bits.
 const COORDINATE_MAX: u16 = 0x7FF;
 
@@ -67,9 +64,9 @@ impl WordOrder {
 
 /// A word's upper half, laid out as EVT 2.0, and its mask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Word {
-    head: u32,
-    mask: u32,
+pub(super) struct Word {
+    pub(super) head: u32,
+    pub(super) mask: u32,
 }
 
 impl Word {
@@ -120,6 +117,29 @@ impl Word {
         let columns = geometry.width.saturating_sub(self.x()) as u32;
         let in_columns = if columns >= VECTOR_LEN as u32 { u32::MAX } else { (1 << columns) - 1 };
         if self.y() < geometry.height { self.mask & in_columns } else { 0 }
+    }
+
+    /// Gives the sink the events; false when it takes no more.
+    #[inline]
+    pub(super) fn push(
+        self,
+        geometry: Geometry,
+        clock: &mut Clock,
+        counters: &mut Counters,
+        sink: &mut Sink<'_>,
+    ) -> Result<bool, Fault> {
+        let t = clock.base().ok_or(Fault::BeforeTime)? | u64::from(self.time_low());
+        let mask = self.mask_on(geometry);
+        if mask != 0 && !sink.admits(t) {
+            return Ok(false);
+        }
+        let Some(slots) = sink.spare().first_chunk_mut() else { return Ok(false) };
+        expand(mask, self.first(t as u32), slots);
+        sink.commit(mask.count_ones() as usize, t, t);
+        counters.events += u64::from(self.mask.count_ones());
+        counters.off_sensor += u64::from((self.mask & !mask).count_ones());
+        clock.set_now(t);
+        Ok(true)
     }
 }
 
@@ -197,12 +217,12 @@ impl Decoder {
     #[inline]
     fn word(&mut self, word: Word, sink: &mut Sink<'_>) -> bool {
         let taken = match word.kind() {
-            0..=EVT_POS => self.vector(word, sink),
+            0..=EVT_POS => word.push(self.geometry, &mut self.clock, &mut self.counters, sink),
             TIME_HIGH => {
                 self.clock.time_high(word.head.into());
                 Ok(true)
             }
-            EXT_TRIGGER => self.trigger(word, sink),
+            EXT_TRIGGER => self.clock.trigger(word.head, &mut self.counters, sink),
             OTHERS | CONTINUED => Ok(true),
             _ => Err(Fault::UnknownWord),
         };
@@ -215,38 +235,6 @@ impl Decoder {
             }
         }
         true
-    }
-
-    #[inline]
-    fn vector(&mut self, word: Word, sink: &mut Sink<'_>) -> Result<bool, Fault> {
-        let t = self.clock.base().ok_or(Fault::BeforeTime)? | u64::from(word.time_low());
-        let mask = word.mask_on(self.geometry);
-        if mask != 0 && !sink.admits(t) {
-            return Ok(false);
-        }
-        let Some(slots) = sink.spare().first_chunk_mut() else { return Ok(false) };
-        expand(mask, word.first(t as u32), slots);
-        sink.commit(mask.count_ones() as usize, t, t);
-        self.counters.events += u64::from(word.mask.count_ones());
-        self.counters.off_sensor += u64::from((word.mask & !mask).count_ones());
-        self.clock.set_now(t);
-        Ok(true)
-    }
-
-    fn trigger(&mut self, word: Word, sink: &mut Sink<'_>) -> Result<bool, Fault> {
-        let t = self.clock.base().ok_or(Fault::BeforeTime)? | u64::from(word.time_low());
-        let trigger = Trigger {
-            t,
-            ordinal: self.counters.events - self.counters.off_sensor,
-            channel: (word.head >> 8) as u8 & 0x1F,
-            edge: Polarity::from_bit(word.head as u16),
-        };
-        if !sink.push_trigger(trigger) {
-            return Ok(false);
-        }
-        self.counters.triggers += 1;
-        self.clock.set_now(t);
-        Ok(true)
     }
 }
 
@@ -380,39 +368,6 @@ impl Encoder {
         Self { order, clock: ClockOut::new(), open: None, held: Held::new() }
     }
 
-    /// One step toward an event: it joins the open word or opens one (true), or a word before it is held to be sent.
-    #[inline]
-    fn step(&mut self, t: u64, event: Event) -> Result<bool, Refused> {
-        let (x, y) = (event.x(), event.y());
-        if x > COORDINATE_MAX || y > COORDINATE_MAX {
-            return Err(Refused::OffFormat { x, y });
-        }
-        if let Some(joined) = self.open.and_then(|open| open.joined(t, event)) {
-            self.open = Some(joined);
-            return Ok(true);
-        }
-        let ready = self.ready(t)?;
-        if ready {
-            self.open = Some(Vector::new(t, event));
-        }
-        Ok(ready)
-    }
-
-    /// The same toward a trigger, which shares no word.
-    fn step_trigger(&mut self, trigger: Trigger) -> Result<bool, Refused> {
-        let Trigger { t, channel, edge, .. } = trigger;
-        if channel > CHANNEL_MAX {
-            return Err(Refused::NoChannel { channel });
-        }
-        let ready = self.ready(t)?;
-        if ready {
-            let low = t as u32 & 0x3F;
-            let head = EXT_TRIGGER << 28 | low << 22 | u32::from(channel) << 8 | edge as u32;
-            self.hold(Word { head, mask: 0 });
-        }
-        Ok(ready)
-    }
-
     /// Whether a word of time `t` may come next; else the word that must come before it is held to be sent.
     #[inline]
     fn ready(&mut self, t: u64) -> Result<bool, Refused> {
@@ -429,8 +384,38 @@ impl Encoder {
     fn hold(&mut self, word: Word) {
         self.held.set(word.to_bytes(self.order));
     }
+}
 
-    /// Holds the open word to be sent; whether there was one.
+impl Steps for Encoder {
+    #[inline]
+    fn write(&mut self, out: &mut [u8], at: &mut usize) -> bool {
+        self.held.write(out, at)
+    }
+
+    #[inline]
+    fn step(&mut self, t: u64, event: Event) -> Result<bool, Refused> {
+        time_high::check_pixel(event)?;
+        if let Some(joined) = self.open.and_then(|open| open.joined(t, event)) {
+            self.open = Some(joined);
+            return Ok(true);
+        }
+        let ready = self.ready(t)?;
+        if ready {
+            self.open = Some(Vector::new(t, event));
+        }
+        Ok(ready)
+    }
+
+    fn step_trigger(&mut self, trigger: Trigger) -> Result<bool, Refused> {
+        let head = time_high::trigger_word(EXT_TRIGGER, trigger)?;
+        let ready = self.ready(trigger.t)?;
+        if ready {
+            self.hold(Word { head, mask: 0 });
+        }
+        Ok(ready)
+    }
+
+    #[inline]
     fn close(&mut self) -> bool {
         let Some(open) = self.open.take() else { return false };
         self.hold(open.word);
@@ -440,42 +425,15 @@ impl Encoder {
 
 impl Encode for Encoder {
     fn encode(&mut self, span: Span<'_>, out: &mut [u8]) -> Encoded {
-        let mut done = Encoded { events: 0, bytes: 0, refused: None };
-        for event in span.events {
-            loop {
-                if !self.held.write(out, &mut done.bytes) {
-                    return done;
-                }
-                match self.step(span.time(*event), *event) {
-                    Ok(true) => break,
-                    Ok(false) => {}
-                    Err(refused) => return Encoded { refused: Some(refused), ..done },
-                }
-            }
-            done.events += 1;
-        }
-        self.held.write(out, &mut done.bytes);
-        done
+        carry::encode(self, span, out)
     }
 
     fn trigger(&mut self, trigger: Trigger, out: &mut [u8]) -> Encoded {
-        let mut done = Encoded { events: 0, bytes: 0, refused: None };
-        while done.events == 0 && self.held.write(out, &mut done.bytes) {
-            match self.step_trigger(trigger) {
-                Ok(taken) => done.events = taken.into(),
-                Err(refused) => return Encoded { refused: Some(refused), ..done },
-            }
-        }
-        self.held.write(out, &mut done.bytes);
-        done
+        carry::encode_trigger(self, trigger, out)
     }
 
     fn finish(&mut self, out: &mut [u8]) -> usize {
-        let mut bytes = 0;
-        if self.held.write(out, &mut bytes) && self.close() {
-            self.held.write(out, &mut bytes);
-        }
-        bytes
+        carry::finish(self, out)
     }
 }
 

@@ -9,6 +9,7 @@ mod carry;
 pub mod evt2;
 pub mod evt21;
 pub mod evt3;
+pub mod evt4;
 mod kernel;
 mod steady;
 
@@ -37,6 +38,8 @@ macro_rules! for_each_encoding {
             }
             /// Prophesee EVT 3.0: 16-bit words with state, 1.3 to 3 bytes an event.
             Evt3 = evt3, { "evt3": Evt3 }
+            /// Prophesee EVT 4.0: 32-bit words, one event each, or two words for up to 32 events.
+            Evt4 = evt4, { "evt4": Evt4 }
         }
     };
 }
@@ -161,13 +164,14 @@ impl Encoding {
             Self::Evt2 => evt2::settled(bytes),
             Self::Evt21(order) => evt21::settled(bytes, order),
             Self::Evt3 => evt3::settled(bytes),
+            Self::Evt4 => None,
         }
     }
 
     /// After how many µs the format's own time wraps.
     pub const fn wrap_us(self) -> u64 {
         match self {
-            Self::Evt2 | Self::Evt21(_) => time_high::WRAP_US,
+            Self::Evt2 | Self::Evt21(_) | Self::Evt4 => time_high::WRAP_US,
             Self::Evt3 => evt3::WRAP_US,
         }
     }
@@ -175,7 +179,7 @@ impl Encoding {
     /// Bytes of a word.
     pub const fn word_bytes(self) -> usize {
         match self {
-            Self::Evt2 => 4,
+            Self::Evt2 | Self::Evt4 => 4,
             Self::Evt21(_) => 8,
             Self::Evt3 => 2,
         }

@@ -1,7 +1,7 @@
-//! The time of EVT 2.0 and 2.1: 34 bits of µs, of which a TIME_HIGH word tells the upper 28 and each event the
+//! What EVT 2.0, 2.1 and 4.0 share: where a word has its fields, and the time: 34 bits of µs, of which a TIME_HIGH word tells the upper 28 and each event the
 //! lower 6. 34 bits wrap after 4 h 46 min; [`Unwrap`] makes them 64.
 
-use crate::{Refused, Sink, Unwrap, full_time};
+use crate::{Counters, Event, Fault, Polarity, Refused, Sink, Trigger, Unwrap, full_time};
 
 /// Bits of the time that each event carries.
 pub(super) const LOW_BITS: u32 = 6;
@@ -9,6 +9,41 @@ pub(super) const LOW_BITS: u32 = 6;
 pub(super) const HIGH_BITS: u32 = 28;
 /// Latest time of the first event: beyond it time is of an epoch, and thousands of wraps would have to be told.
 const START_MAX_US: u64 = 1 << 40;
+
+/// Largest coordinate of 11 bits.
+const COORDINATE_MAX: u16 = 0x7FF;
+/// Largest number of a trigger input.
+const CHANNEL_MAX: u8 = 0x1F;
+
+const fn low(t: u64) -> u32 {
+    (t as u32 & 0x3F) << 22
+}
+
+/// Whether an event's pixel can be told.
+#[inline(always)]
+pub(super) const fn check_pixel(event: Event) -> Result<(), Refused> {
+    let (x, y) = (event.x(), event.y());
+    if x > COORDINATE_MAX || y > COORDINATE_MAX {
+        return Err(Refused::OffFormat { x, y });
+    }
+    Ok(())
+}
+
+/// The word of this type for the event's pixel, which can be told, at time `t`.
+#[inline(always)]
+pub(super) const fn event_word(kind: u32, t: u64, event: Event) -> u32 {
+    kind << 28 | low(t) | (event.x() as u32) << 11 | event.y() as u32
+}
+
+/// The word of this type for a trigger.
+#[inline(always)]
+pub(super) const fn trigger_word(kind: u32, trigger: Trigger) -> Result<u32, Refused> {
+    let Trigger { t, channel, edge, .. } = trigger;
+    if channel > CHANNEL_MAX {
+        return Err(Refused::NoChannel { channel });
+    }
+    Ok(kind << 28 | low(t) | (channel as u32) << 8 | edge as u32)
+}
 
 /// What a decoder knows of the time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,6 +130,28 @@ impl Clock {
     #[inline]
     pub(super) fn base(&self) -> Option<u64> {
         (self.known == Known::Yes).then_some(self.high.value() << LOW_BITS)
+    }
+
+    /// Takes the trigger of a word; false when the sink takes no more.
+    pub(super) fn trigger(
+        &mut self,
+        word: u32,
+        counters: &mut Counters,
+        sink: &mut Sink<'_>,
+    ) -> Result<bool, Fault> {
+        let t = self.base().ok_or(Fault::BeforeTime)? | u64::from(word >> 22 & 0x3F);
+        let trigger = Trigger {
+            t,
+            ordinal: counters.events - counters.off_sensor,
+            channel: (word >> 8) as u8 & CHANNEL_MAX,
+            edge: Polarity::from_bit(word as u16),
+        };
+        if !sink.push_trigger(trigger) {
+            return Ok(false);
+        }
+        counters.triggers += 1;
+        self.now = t;
+        Ok(true)
     }
 
     /// What kernels may take, `None` if nothing.

@@ -20,7 +20,7 @@ fn round_trip(encoding: Encoding, events: &[Timed]) -> (Vec<Timed>, Vec<Refused>
 /// Bits of time that the format's TIME_HIGH and low bits tell together, and bits of the low.
 fn time_bits(encoding: Encoding) -> (u32, u32) {
     match encoding {
-        Encoding::Evt2 | Encoding::Evt21(_) => (34, 6),
+        Encoding::Evt2 | Encoding::Evt21(_) | Encoding::Evt4 => (34, 6),
         Encoding::Evt3 => (24, 12),
     }
 }
@@ -120,11 +120,7 @@ fn a_wrap_costs_two_words_at_most() {
         let (bits, _) = time_bits(*encoding);
         let cost =
             |t: u64| encode_whole(AnyEncoder::new(*encoding), &[Timed::new(t, 0, 0, Polarity::On)]).len();
-        let word = match encoding {
-            Encoding::Evt2 => 4,
-            Encoding::Evt21(_) => 8,
-            Encoding::Evt3 => 2,
-        };
+        let word = encoding.word_bytes();
         assert!(
             cost(START_MAX_US) - cost(1) <= ((START_MAX_US >> bits) as usize * 2 + 1) * word,
             "{encoding}"
@@ -152,7 +148,7 @@ fn what_no_format_holds_is_refused() {
 /// Largest number of a trigger input in the format.
 fn channel_max(encoding: Encoding) -> u8 {
     match encoding {
-        Encoding::Evt2 | Encoding::Evt21(_) => 31,
+        Encoding::Evt2 | Encoding::Evt21(_) | Encoding::Evt4 => 31,
         Encoding::Evt3 => 15,
     }
 }

@@ -61,6 +61,7 @@ fn decoders(encoding: Encoding, geometry: Geometry) -> Vec<(AnyDecoder, Splits)>
         Encoding::Evt2 => AnyDecoder::Evt2(evt2::Decoder::with_kernel(geometry, kernel)),
         Encoding::Evt21(order) => AnyDecoder::Evt21(evt21::Decoder::with_kernel(geometry, order, kernel)),
         Encoding::Evt3 => AnyDecoder::Evt3(evt3::Decoder::with_kernel(geometry, kernel)),
+        Encoding::Evt4 => AnyDecoder::new(encoding, geometry),
     };
     let decoders = Kernel::ALL.map(with);
     let splits = [Splits::Whole, Splits::random(7)];

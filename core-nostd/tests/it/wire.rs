@@ -1,6 +1,6 @@
 //! Every wire format under the laws of the core.
 
-use lobula_core::wire::{Kernel, WordOrder, evt2, evt3, evt21};
+use lobula_core::wire::{Kernel, WordOrder, evt2, evt3, evt4, evt21};
 
 mod decoders {
     use super::*;
@@ -16,6 +16,7 @@ mod decoders {
         |geometry| evt21::Decoder::with_kernel(geometry, WordOrder::Little, Kernel::Portable),
         encoded by evt21::Encoder::new(WordOrder::Little));
     chunk_invariance!(decoder evt3_words, evt3::Decoder::new, encoded by evt3::Encoder::new());
+    chunk_invariance!(decoder evt4_words, evt4::Decoder::new, encoded by evt4::Encoder::new());
 }
 
 mod encoders {
@@ -25,4 +26,5 @@ mod encoders {
     chunk_invariance!(encoder evt21_words, || evt21::Encoder::new(WordOrder::Little));
     chunk_invariance!(encoder evt21_legacy, || evt21::Encoder::new(WordOrder::Legacy));
     chunk_invariance!(encoder evt3_words, evt3::Encoder::new);
+    chunk_invariance!(encoder evt4_words, evt4::Encoder::new);
 }

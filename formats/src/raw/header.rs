@@ -121,10 +121,11 @@ impl Header {
             ("evt", "2.0") | ("format", "EVT2") => Ok(Encoding::Evt2),
             ("evt", "2.1") | ("format", "EVT21") => self.word_order(path),
             ("evt", "3.0") | ("format", "EVT3") => Ok(Encoding::Evt3),
+            ("evt", "4.0") | ("format", "EVT4") => Ok(Encoding::Evt4),
             (key, _) => Err(Error::new(
                 ErrorKind::Unsupported,
                 path,
-                format!("is encoded as `{key} {name}`, which is not read (EVT2, EVT2.1 and EVT3 are),"),
+                format!("is encoded as `{key} {name}`, which is not read (EVT2, EVT2.1, EVT3 and EVT4 are),"),
                 "record or convert it with one of these, or give --encoding if the header is wrong",
             )
             .at(field.offset)),
@@ -291,6 +292,7 @@ mod tests {
         check("% evt 3.0\r\n% geometry 640x480\r\n% end\r\n", "evt3 640x480 38");
         check("% format EVT3;height=720;width=1280\n", "evt3 1280x720 36");
         check("% evt 2.1\n", "evt21 ? 10");
+        check("% format EVT4;height=480;width=640\n", "evt4 640x480 35");
         check("% format EVT21;endianness=legacy\n% evt 2.1\n", "evt21_legacy ? 43");
         check("% format EVT21\n% endianness legacy\n", "evt21_legacy ? 35");
         check("% evt 2.1\n% system_ID 49\n", "evt21_legacy 1280x720 25");
@@ -337,8 +339,8 @@ mod tests {
             ),
         );
         check(
-            "% evt 4.0\n",
-            "a.raw: is encoded as `evt 4.0`, which is not read (EVT2, EVT2.1 and EVT3 are), at byte 0; record or convert it with one of these, or give --encoding if the header is wrong",
+            "% evt 5.0\n",
+            "a.raw: is encoded as `evt 5.0`, which is not read (EVT2, EVT2.1, EVT3 and EVT4 are), at byte 0; record or convert it with one of these, or give --encoding if the header is wrong",
         );
         check(
             "% evt 3.0\n% format EVT2\n",

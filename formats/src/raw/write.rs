@@ -116,6 +116,7 @@ fn header(encoding: Encoding, geometry: Geometry) -> String {
         Encoding::Evt21(WordOrder::Little) => ("2.1", "EVT21", Some("little")),
         Encoding::Evt21(WordOrder::Legacy) => ("2.1", "EVT21", Some("legacy")),
         Encoding::Evt3 => ("3.0", "EVT3", None),
+        Encoding::Evt4 => ("4.0", "EVT4", None),
     };
     let order = endianness.map(|order| format!(";endianness={order}")).unwrap_or_default();
     let line = endianness.map(|order| format!("% endianness {order}\n")).unwrap_or_default();

@@ -56,6 +56,7 @@ const fn file(name: &'static str, set: fn(&mut WriteOptions)) -> File {
 const FILES: &[File] = &[
     file("evt2.raw", |options| options.encoding = Some(Encoding::Evt2)),
     file("evt21-little.raw", |options| options.encoding = Some(Encoding::Evt21(WordOrder::Little))),
+    file("evt4.raw", |options| options.encoding = Some(Encoding::Evt4)),
     file("evt21-legacy.raw", |options| options.encoding = Some(Encoding::Evt21(WordOrder::Legacy))),
     file("evt3.raw", |options| options.encoding = Some(Encoding::Evt3)),
     file("cd.dat", |_| {}),
@@ -93,7 +94,7 @@ const PEERS: &[(&str, &[&str])] = &[
     ("numpy_load", &["events.npy", "events.npz"]),
     ("numpy_loadtxt", &["events.txt", "events.csv", "events.csv.gz"]),
     ("evlib", &["evt2.raw", "evt21-little.raw", "evt3.raw"]),
-    ("evutils", &["evt2.raw", "evt21-legacy.raw", "evt3.raw", "cd.dat", "davis346.aedat"]),
+    ("evutils", &["evt2.raw", "evt21-legacy.raw", "evt3.raw", "evt4.raw", "cd.dat", "davis346.aedat"]),
     ("hdf5", &["gzip.h5", "none.h5", "lz4.h5", "zstd.h5", "dsec.h5"]),
     ("rosbags", &["none.bag", "bz2.bag", "lz4.bag"]),
     ("mcap", &["none.mcap", "lz4.mcap", "zstd.mcap"]),

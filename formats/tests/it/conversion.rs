@@ -27,6 +27,7 @@ struct Target {
 const TARGETS: &[Target] = &[
     Target { name: "evt2.raw", set: |o| o.encoding = Some(Encoding::Evt2), say: |_| {}, triggers: true },
     Target { name: "evt21.raw", set: |o| o.encoding = Some(LITTLE), say: |_| {}, triggers: true },
+    Target { name: "evt4.raw", set: |o| o.encoding = Some(Encoding::Evt4), say: |_| {}, triggers: true },
     Target { name: "evt21-legacy.raw", set: |o| o.encoding = Some(LEGACY), say: |_| {}, triggers: true },
     Target { name: "evt3.raw", set: |o| o.encoding = Some(Encoding::Evt3), say: |_| {}, triggers: true },
     Target {

@@ -152,7 +152,7 @@ proptest! {
             events.push((t as u64, event));
         }
         let folder = tempfile::tempdir().unwrap();
-        for encoding in [Encoding::Evt2, Encoding::Evt21(WordOrder::Little), Encoding::Evt3] {
+        for encoding in [Encoding::Evt2, Encoding::Evt21(WordOrder::Little), Encoding::Evt3, Encoding::Evt4] {
             let path = folder.path().join(encoding.name());
             write(&path, encoding, &events);
             let mut options = OpenOptions::default();

@@ -1,4 +1,5 @@
 use super::*;
+use crate::Polarity;
 use crate::wire::oracle::{self, any_geometry, any_splits, any_words};
 use crate::wire::testing::{decode_in, decode_words, tell};
 use proptest::prelude::*;
