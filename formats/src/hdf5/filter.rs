@@ -87,7 +87,6 @@ impl Scratch {
         let used = |(i, filter): (usize, &Filter)| (mask >> i.min(31) & 1 == 0).then_some(*filter);
         let used = filters.iter().enumerate().rev().filter_map(used);
         for filter in used {
-            self.output.clear();
             self.one(filter, len + ADDED_BYTES_MAX)?;
             std::mem::swap(&mut self.input, &mut self.output);
         }
@@ -95,7 +94,8 @@ impl Scratch {
         (chunk.len() >= len).then_some(())
     }
 
-    /// Undoes one filter: from `input` to `output`, of `max` bytes at most.
+    /// Undoes one filter: from `input` to `output`, of `max` bytes at most, whose content before does not matter: to
+    /// fill it with zeroes first would cost as much as some filters do.
     fn one(&mut self, filter: Filter, max: usize) -> Option<()> {
         let Self { input, output, inflate, zstd, block } = self;
         match filter {

@@ -60,6 +60,7 @@ pub(super) fn undo(
         return None;
     }
     if header.is_stored() {
+        output.clear();
         output.extend_from_slice(input.get(HEADER_BYTES..)?.get(..header.bytes)?);
         return Some(());
     }

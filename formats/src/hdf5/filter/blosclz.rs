@@ -13,6 +13,7 @@
 const FAR: usize = 8191;
 
 pub(super) fn undo(input: &[u8], output: &mut Vec<u8>, max: usize) -> Option<()> {
+    output.clear();
     let mut rest = input;
     let mut mask = 31;
     while let Some(control) = rest.split_off_first() {

@@ -26,6 +26,8 @@ pub(super) fn undo(input: &[u8], output: &mut Vec<u8>, max: usize) -> Option<()>
     if count > EVENTS_MAX || count * EVENT_BYTES > max {
         return None;
     }
+    // What is between the numbers is zero.
+    output.clear();
     output.resize(count * EVENT_BYTES, 0);
     let (events, _) = output.as_chunks_mut::<EVENT_BYTES>();
     times(&mut bytes, events)?;

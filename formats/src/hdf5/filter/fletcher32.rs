@@ -7,6 +7,7 @@ pub(super) fn undo(input: &[u8], output: &mut Vec<u8>) -> Option<()> {
     // Versions before 1.6.3 swapped the bytes of each half, and are still read.
     let swapped = (sum & 0x00FF_00FF) << 8 | (sum >> 8) & 0x00FF_00FF;
     let stored = u32::from_le_bytes(*stored);
+    output.clear();
     output.extend_from_slice(bytes);
     (stored == sum || stored == swapped).then_some(())
 }

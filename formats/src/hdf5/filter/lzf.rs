@@ -9,6 +9,7 @@
 use super::blosclz::copy;
 
 pub(super) fn undo(input: &[u8], output: &mut Vec<u8>, max: usize) -> Option<()> {
+    output.clear();
     let mut rest = input;
     while let Some(control) = rest.split_off_first() {
         let control = usize::from(*control);
