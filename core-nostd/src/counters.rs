@@ -92,6 +92,8 @@ pub struct Counters {
     pub events: u64,
     /// Events whose pixel is not on the sensor: dropped.
     pub off_sensor: u64,
+    /// Events and triggers that the file marks as invalid: dropped, and not among `events` (files).
+    pub marked_invalid: u64,
     /// External triggers decoded.
     pub triggers: u64,
     /// Malformed words by kind.
@@ -106,6 +108,7 @@ impl Counters {
             bytes_faulty: 0,
             events: 0,
             off_sensor: 0,
+            marked_invalid: 0,
             triggers: 0,
             faults: Faults::new(),
         }
@@ -127,6 +130,7 @@ impl Counters {
             bytes_faulty: with(self.bytes_faulty, other.bytes_faulty),
             events: with(self.events, other.events),
             off_sensor: with(self.off_sensor, other.off_sensor),
+            marked_invalid: with(self.marked_invalid, other.marked_invalid),
             triggers: with(self.triggers, other.triggers),
             faults: self.faults.zip(&other.faults, with),
         }

@@ -14,7 +14,7 @@
 //! ```
 //!
 //! Times are 31 bits of µs, after 31 bits of overflow in the head. An event that is not valid was taken out by the
-//! program that wrote the file, and is no event. Pixels have 16 bits; of colours the upper 8 are kept.
+//! program that wrote the file, and is counted as marked invalid. Pixels have 16 bits; of colours the upper 8 are kept.
 
 use crate::aer_header::AerHeader;
 use crate::byte_cursor::Bad;
@@ -241,7 +241,10 @@ impl Packets for Aedat31File {
             let data = u32::from_le_bytes(data.unwrap_or_default());
             let t = elements.base_us + i64::from(i32::from_le_bytes(t.unwrap_or_default()));
             let taken = match (data & 1, head.kind) {
-                (0, _) => Taken::Yes,
+                (0, _) => {
+                    intake.counters.marked_invalid += 1;
+                    Taken::Yes
+                }
                 (_, Kind::Events) => {
                     let (x, y) = (i64::from(data >> 17), i64::from(data >> 2 & 0x7FFF));
                     intake.push(sink, t, (x, y), data >> 1 & 1 == 1, 0)?
@@ -264,7 +267,7 @@ impl Packets for Aedat31File {
         let words: Vec<[u8; 4]> = sample.as_chunks().0.to_vec();
         let word = |i: usize| words.get(i).copied().unwrap_or_default();
         if u32::from_le_bytes(word(0)) & 1 == 0 {
-            return Ok(SideItem::None);
+            return Ok(SideItem::Invalid);
         }
         let t = intake.time(elements.base_us + i64::from(i32::from_le_bytes(word(1))))?;
         let number = |i: usize| f64::from(f32::from_le_bytes(word(i)));
@@ -287,7 +290,7 @@ impl Packets for Aedat31File {
         let words: Vec<i32> = head.as_chunks().0.iter().map(|word| i32::from_le_bytes(*word)).collect();
         let [info, _, _, start, end, sides @ ..] = words.as_slice() else { return Ok(SideItem::Damaged) };
         if info & 1 == 0 {
-            return Ok(SideItem::None);
+            return Ok(SideItem::Invalid);
         }
         let (start, end) = (elements.base_us + i64::from(*start), elements.base_us + i64::from(*end));
         let (start, end) = (intake.time(start)?, intake.time(end)?);
@@ -374,7 +377,7 @@ impl Container for Aedat31Recording {
     }
 
     fn warnings(&self) -> Vec<String> {
-        self.file.damage.sentence().into_iter().collect()
+        self.file.damage.sentences()
     }
 
     fn start(&self) -> Box<dyn Cursor> {

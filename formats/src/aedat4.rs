@@ -447,7 +447,7 @@ impl Container for Aedat4Recording {
     }
 
     fn warnings(&self) -> Vec<String> {
-        self.file.damage.sentence().into_iter().collect()
+        self.file.damage.sentences()
     }
 
     fn start(&self) -> Box<dyn Cursor> {

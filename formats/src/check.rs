@@ -1,5 +1,6 @@
 //! Whether a recording is whole and in order, and what of it can be read.
 
+use crate::info::invalid_sentence;
 use crate::{Error, Recording, StreamKind};
 use lobula_core::{Fault, Span};
 use serde::Serialize;
@@ -31,6 +32,8 @@ pub struct Check {
     pub step_back_max_us: u64,
     /// Events whose pixel is not on the sensor: dropped by readers.
     pub off_sensor: u64,
+    /// Events and triggers that the file marks as invalid: dropped by readers.
+    pub marked_invalid: u64,
     /// Bytes that cannot be read.
     pub bytes_faulty: u64,
     /// What is wrong with them, by kind.
@@ -62,10 +65,12 @@ impl Check {
         }
         let counters = blocks.counters();
         (check.off_sensor, check.bytes_faulty) = (counters.off_sensor, counters.bytes_faulty);
+        check.marked_invalid = counters.marked_invalid;
         check.faults = Fault::ALL.map(|fault| (fault.name(), counters.faults.get(fault))).into();
         check.side_streams(recording);
         // After the pass, which finds some of them.
         check.warnings = recording.warnings();
+        check.warnings.extend(invalid_sentence(check.marked_invalid, "events and triggers"));
         check.in_order = check.steps_back == 0;
         check.sound = check.errors.is_empty() && check.bytes_faulty == 0 && check.off_sensor == 0;
         check

@@ -40,6 +40,8 @@ pub struct Copied {
     pub filtered: u64,
     /// Events that the reader dropped since they are off the sensor.
     pub off_sensor: u64,
+    /// Events and triggers that the reader dropped since the file marks them as invalid.
+    pub marked_invalid: u64,
     /// Bytes that could not be read.
     pub bytes_faulty: u64,
 }
@@ -104,6 +106,7 @@ fn count_losses(blocks: &Blocks, part: &CopyPart, copied: &mut Copied) {
     if *part == CopyPart::All {
         let counters = blocks.counters();
         (copied.off_sensor, copied.bytes_faulty) = (counters.off_sensor, counters.bytes_faulty);
+        copied.marked_invalid = counters.marked_invalid;
     }
 }
 

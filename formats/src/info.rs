@@ -43,6 +43,8 @@ pub struct Summary {
     pub warnings: Vec<String>,
     /// Events whose pixel is not on the sensor: dropped.
     pub off_sensor: u64,
+    /// Events and triggers that the file marks as invalid: dropped.
+    pub marked_invalid: u64,
     /// Bytes of well-formed words.
     pub bytes_decoded: u64,
     /// Bytes of malformed words.
@@ -82,6 +84,7 @@ impl Summary {
         summary.sha256 = digest.map(Digest::finish);
         // Last: some show in the passes.
         summary.warnings = recording.warnings();
+        summary.warnings.extend(invalid_sentence(summary.marked_invalid, "events and triggers"));
         Ok(summary)
     }
 
@@ -126,10 +129,17 @@ impl Summary {
     fn count(&mut self, counters: &Counters) {
         self.triggers = counters.triggers;
         self.off_sensor = counters.off_sensor;
+        self.marked_invalid = counters.marked_invalid;
         self.bytes_decoded = counters.bytes_decoded;
         self.bytes_faulty = counters.bytes_faulty;
         self.faults = Fault::ALL.map(|fault| (fault.name(), counters.faults.get(fault))).into();
     }
+}
+
+/// A warning about what a file marks as invalid, if there is any.
+pub(crate) fn invalid_sentence(count: u64, what: &str) -> Option<String> {
+    (count > 0)
+        .then(|| format!("{count} {what} are marked invalid by the program that wrote the file: left out"))
 }
 
 /// Events of a block earlier than the one before them.

@@ -7,6 +7,7 @@
 
 use crate::byte_cursor::Bad;
 use crate::container::{Cursor, Piece, Stop};
+use crate::info::invalid_sentence;
 use crate::input::Input;
 use crate::intake::{Intake, Taken};
 use crate::{Error, ErrorKind, Frame, ImuSample};
@@ -14,6 +15,7 @@ use lobula_core::{Counters, Fault, Sink};
 use std::collections::BTreeSet;
 use std::fmt::Debug;
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What a format of packets owes.
@@ -71,8 +73,8 @@ pub(crate) trait Packets: Debug + Send + Sync + 'static {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum SideItem<T> {
     Item(T),
-    /// Nothing, by the format.
-    None,
+    /// Marked as invalid by the file.
+    Invalid,
     /// Contradictory.
     Damaged,
 }
@@ -459,25 +461,38 @@ fn changed<P: Packets>(packets: &P, packet: &Packet) -> Error {
         .at(packet.start)
 }
 
-/// Packets of side streams that were found damaged. The cursor does not look into them, so that they are in no other
+/// What of the side streams was left out. The cursor does not look into their packets, so that they are in no other
 /// count.
 #[derive(Debug, Default)]
-pub(crate) struct SideDamage(Mutex<BTreeSet<u64>>);
+pub(crate) struct SideDamage {
+    /// Starts of damaged packets.
+    damaged: Mutex<BTreeSet<u64>>,
+    /// Items marked as invalid: the most that any pass saw, so that two say it once.
+    invalid_samples: AtomicU64,
+    invalid_frames: AtomicU64,
+}
 
 impl SideDamage {
     /// Most packets that are told apart.
     const PACKETS_MAX: usize = 1000;
 
     fn add(&self, start: u64) {
-        let mut starts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut starts = self.damaged.lock().unwrap_or_else(PoisonError::into_inner);
         if starts.len() < Self::PACKETS_MAX {
             starts.insert(start);
         }
     }
 
-    /// A warning, if there are any.
-    pub fn sentence(&self) -> Option<String> {
-        let starts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+    /// Warnings.
+    pub fn sentences(&self) -> Vec<String> {
+        let invalid =
+            [(&self.invalid_samples, "samples of the inertial sensor"), (&self.invalid_frames, "frames")];
+        let invalid = invalid.map(|(count, what)| invalid_sentence(count.load(Ordering::Relaxed), what));
+        self.damaged_sentence().into_iter().chain(invalid.into_iter().flatten()).collect()
+    }
+
+    fn damaged_sentence(&self) -> Option<String> {
+        let starts = self.damaged.lock().unwrap_or_else(PoisonError::into_inner);
         let (first, count) = (starts.first()?, starts.len());
         Some(format!(
             "{count} packets of frames or of the inertial sensor are damaged and left out, from byte {first} on"
@@ -494,15 +509,24 @@ pub(crate) struct SideStream<P: Packets, T> {
     body: Body<P>,
     wanted: fn(Kind) -> bool,
     read: Read<P, T>,
+    /// Items marked as invalid so far, and where they are told.
+    invalid: u64,
+    told: fn(&SideDamage) -> &AtomicU64,
     failed: bool,
 }
 
 type Read<P, T> = fn(&P, &[u8], &Elements, &Intake) -> Result<SideItem<T>, Bad>;
 
 impl<P: Packets, T> SideStream<P, T> {
-    fn new(packets: Arc<P>, intake: Intake, wanted: fn(Kind) -> bool, read: Read<P, T>) -> Self {
+    fn new(
+        packets: Arc<P>,
+        intake: Intake,
+        wanted: fn(Kind) -> bool,
+        read: Read<P, T>,
+        told: fn(&SideDamage) -> &AtomicU64,
+    ) -> Self {
         let (walk, body) = (Walk::new(packets), Body::default());
-        Self { walk, intake, current: None, body, wanted, read, failed: false }
+        Self { walk, intake, current: None, body, wanted, read, invalid: 0, told, failed: false }
     }
 
     /// An item, or none at this step, or none any more.
@@ -526,7 +550,11 @@ impl<P: Packets, T> SideStream<P, T> {
         elements.next += 1;
         Ok(Some(match item {
             SideItem::Item(item) => Some(item),
-            SideItem::None => None,
+            SideItem::Invalid => {
+                self.invalid += 1;
+                (self.told)(packets.side_damage()).fetch_max(self.invalid, Ordering::Relaxed);
+                None
+            }
             SideItem::Damaged => {
                 packets.side_damage().add(packet.start);
                 None
@@ -538,13 +566,13 @@ impl<P: Packets, T> SideStream<P, T> {
 impl<P: Packets> SideStream<P, ImuSample> {
     /// Samples of the inertial sensor.
     pub fn imu(packets: Arc<P>, intake: Intake) -> Self {
-        Self::new(packets, intake, |kind| kind == Kind::Imu, P::imu)
+        Self::new(packets, intake, |kind| kind == Kind::Imu, P::imu, |told| &told.invalid_samples)
     }
 }
 
 impl<P: Packets> SideStream<P, Frame> {
     pub fn frames(packets: Arc<P>, intake: Intake) -> Self {
-        Self::new(packets, intake, |kind| kind == Kind::Frames, P::frame)
+        Self::new(packets, intake, |kind| kind == Kind::Frames, P::frame, |told| &told.invalid_frames)
     }
 }
 

@@ -100,7 +100,7 @@ pub struct Written {
     pub left_out: LeftOut,
 }
 
-/// Side items that a format has no place for.
+/// What a format has no place for: side items, and parts of those that it holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct LeftOut {
@@ -110,6 +110,57 @@ pub struct LeftOut {
     pub imu: u64,
     /// Frames.
     pub frames: u64,
+    /// Magnetic fields of samples that were written.
+    pub magnetic_fields: u64,
+    /// Temperatures of samples that were written.
+    pub temperatures: u64,
+    /// Samples without a temperature, where the format cannot tell that: they were written with 35 °C.
+    pub temperatures_unknown: u64,
+    /// Exposures of frames that were written.
+    pub exposures: u64,
+    /// Positions on the sensor of frames that were written and do not begin at its corner.
+    pub positions: u64,
+}
+
+impl LeftOut {
+    /// What is missing: each count with what it counts, for people.
+    pub const fn counts(&self) -> [(u64, &'static str); 7] {
+        [
+            (self.triggers, "triggers"),
+            (self.imu, "IMU samples"),
+            (self.frames, "frames"),
+            (self.magnetic_fields, "magnetic fields of IMU samples"),
+            (self.temperatures, "temperatures of IMU samples"),
+            (self.exposures, "exposures of frames"),
+            (self.positions, "positions of frames"),
+        ]
+    }
+
+    /// Counts the parts that an item was written without; whether it was written.
+    fn parts_of(&mut self, kept: Kept) -> bool {
+        let parts = match kept {
+            Kept::Yes => return true,
+            Kept::No => return false,
+            Kept::Without(parts) => parts,
+        };
+        let count = |all: &mut u64, left_out: bool| *all += u64::from(left_out);
+        count(&mut self.magnetic_fields, parts.magnetic_field);
+        count(&mut self.temperatures, parts.temperature);
+        count(&mut self.temperatures_unknown, parts.temperature_unknown);
+        count(&mut self.exposures, parts.exposure);
+        count(&mut self.positions, parts.position);
+        true
+    }
+}
+
+/// Parts of an item that its format has no place for: as in [`LeftOut`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Parts {
+    pub magnetic_field: bool,
+    pub temperature: bool,
+    pub temperature_unknown: bool,
+    pub exposure: bool,
+    pub position: bool,
 }
 
 /// What a format that can be written owes. Rebasing, checks against the sensor's size and counts are done before.
@@ -144,6 +195,8 @@ pub(crate) trait Encoder: Debug + Send {
 pub(crate) enum Kept {
     /// It was written.
     Yes,
+    /// It was written without these parts, if any.
+    Without(Parts),
     /// It has none: the item is counted as left out.
     No,
 }
@@ -234,10 +287,10 @@ impl Writer {
     pub fn write_trigger(&mut self, trigger: Trigger) -> Result<(), Error> {
         let by = self.rebased_us(trigger.t);
         let t = self.earlier(trigger.t, by)?;
-        match self.encoder.trigger(Trigger { t, ..trigger })? {
-            Kept::Yes => self.written.triggers += 1,
-            Kept::No => self.written.left_out.triggers += 1,
-        }
+        let kept = self.encoder.trigger(Trigger { t, ..trigger })?;
+        let left_out = &mut self.written.left_out;
+        let count = if left_out.parts_of(kept) { &mut self.written.triggers } else { &mut left_out.triggers };
+        *count += 1;
         Ok(())
     }
 
@@ -248,10 +301,10 @@ impl Writer {
     pub fn write_imu(&mut self, sample: &ImuSample) -> Result<(), Error> {
         let by = self.rebased_us(sample.t);
         let t = self.earlier(sample.t, by)?;
-        match self.encoder.imu(&ImuSample { t, ..*sample })? {
-            Kept::Yes => self.written.imu += 1,
-            Kept::No => self.written.left_out.imu += 1,
-        }
+        let kept = self.encoder.imu(&ImuSample { t, ..*sample })?;
+        let left_out = &mut self.written.left_out;
+        let count = if left_out.parts_of(kept) { &mut self.written.imu } else { &mut left_out.imu };
+        *count += 1;
         Ok(())
     }
 
@@ -266,10 +319,10 @@ impl Writer {
             Some(exposure) => Some(self.earlier(exposure.start, by)?..self.earlier(exposure.end, by)?),
             None => None,
         };
-        match self.encoder.frame(&Frame { t, exposure, ..frame })? {
-            Kept::Yes => self.written.frames += 1,
-            Kept::No => self.written.left_out.frames += 1,
-        }
+        let kept = self.encoder.frame(&Frame { t, exposure, ..frame })?;
+        let left_out = &mut self.written.left_out;
+        let count = if left_out.parts_of(kept) { &mut self.written.frames } else { &mut left_out.frames };
+        *count += 1;
         Ok(())
     }
 

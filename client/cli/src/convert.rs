@@ -149,7 +149,13 @@ struct Report {
     left_out_triggers: u64,
     left_out_imu: u64,
     left_out_frames: u64,
+    left_out_magnetic_fields: u64,
+    left_out_temperatures: u64,
+    left_out_temperatures_unknown: u64,
+    left_out_exposures: u64,
+    left_out_positions: u64,
     off_sensor: u64,
+    marked_invalid: u64,
     bytes_faulty: u64,
     bytes: u64,
     rebased_us: u64,
@@ -206,7 +212,13 @@ fn tell(
             left_out_triggers: left_out.triggers,
             left_out_imu: left_out.imu,
             left_out_frames: left_out.frames,
+            left_out_magnetic_fields: left_out.magnetic_fields,
+            left_out_temperatures: left_out.temperatures,
+            left_out_temperatures_unknown: left_out.temperatures_unknown,
+            left_out_exposures: left_out.exposures,
+            left_out_positions: left_out.positions,
             off_sensor: copied.off_sensor,
+            marked_invalid: copied.marked_invalid,
             bytes_faulty: copied.bytes_faulty,
             bytes: written.bytes,
             rebased_us: written.rebased_us,
@@ -219,10 +231,15 @@ fn tell(
     if written.rebased_us > 0 {
         line(format!("subtracted {} µs from every time", thousands(written.rebased_us)))?;
     }
-    let lost = [(left_out.triggers, "triggers"), (left_out.imu, "IMU samples"), (left_out.frames, "frames")];
-    let lost: Vec<_> = lost.into_iter().filter(|(n, _)| *n > 0).collect();
+    let lost: Vec<_> = left_out.counts().into_iter().filter(|(n, _)| *n > 0).collect();
     if !lost.is_empty() {
         line(format!("note: the format has no place for {}: left out", list(&lost)))?;
+    }
+    if left_out.temperatures_unknown > 0 {
+        line(format!(
+            "note: the format tells a temperature with every IMU sample: {} without one read 35 °C",
+            thousands(left_out.temperatures_unknown)
+        ))?;
     }
     if copied.filtered > 0 {
         line(format!("filtered {} events", thousands(copied.filtered)))?;
@@ -231,6 +248,12 @@ fn tell(
         line(format!(
             "warning: {} events are off the sensor and were dropped; see --sensor-size",
             thousands(copied.off_sensor)
+        ))?;
+    }
+    if copied.marked_invalid > 0 {
+        line(format!(
+            "note: {} events and triggers are marked invalid by the file: left out",
+            thousands(copied.marked_invalid)
         ))?;
     }
     if copied.bytes_faulty > 0 {

@@ -3,6 +3,7 @@
 //! The scale is that of the MPU-6150 as jAER sets it up: 4 g and 500 °/s full scale.
 
 use super::{Records, Word};
+use crate::write::Parts;
 use crate::{Error, ImuSample};
 
 /// Standard gravity in m/s².
@@ -88,6 +89,13 @@ pub(super) fn words(sample: &ImuSample) -> Option<[i16; WORDS]> {
     let [gx, gy, gz] = sample.rotation.map(|value| step(value.to_degrees() * PER_DEGREE_A_SECOND));
     let temperature = sample.temperature.map_or(Some(0), |t| step((t - TEMPERATURE_AT_0) * PER_DEGREE));
     Some([ax?, ay?, az?, temperature?, gx?, gy?, gz?])
+}
+
+/// What the words do not tell of a sample.
+pub(super) fn left_out(sample: &ImuSample) -> Parts {
+    let (magnetic_field, temperature_unknown) =
+        (sample.magnetic_field.is_some(), sample.temperature.is_none());
+    Parts { magnetic_field, temperature_unknown, ..Parts::default() }
 }
 
 fn step(value: f64) -> Option<i16> {

@@ -148,7 +148,7 @@ impl Encoder for Aedat2Encoder {
             let address = 0x8000_0C00 | which << 28 | u32::from(value as u16) << 12;
             self.put(address, sample.t)?;
         }
-        Ok(Kept::Yes)
+        Ok(Kept::Without(imu::left_out(sample)))
     }
 
     fn finish(mut self: Box<Self>) -> Result<u64, Error> {

@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Recording, open_with};
+use crate::{Check, Recording, Summary, WithDigest, open_with};
 use lobula_core::{Event, Fault};
 
 /// A file as the specification spells it out.
@@ -82,6 +82,42 @@ fn events_and_triggers() {
     let mut blocks = recording.blocks();
     while blocks.next_block().unwrap().is_some() {}
     assert_eq!((blocks.counters().off_sensor, blocks.counters().bytes_faulty), (1, 0));
+    assert_eq!(blocks.counters().marked_invalid, 1);
+}
+
+/// An event, a trigger, a sample and a frame: what was taken out is told, and is no damage.
+#[test]
+fn what_is_marked_invalid_is_told() {
+    let invalid_frame = |mut frame: Vec<u8>| {
+        frame[0] &= !1;
+        frame
+    };
+    let packets = [
+        packet(1, 1, 4, 0, &[polarity(3, 4, 1, 10), pair(7 << 17, 11)]),
+        packet(0, 1, 4, 0, &[pair(2 << 1, 12)]),
+        packet(3, 1, 4, 0, &[[pair(0, 13), vec![0; 28]].concat(), [pair(0, 14), vec![0; 28]].concat()]),
+        packet(2, 1, 12, 0, &[invalid_frame(frame(1, [1, 1], &[0]))]),
+        packet(1, 1, 4, 0, &[polarity(3, 4, 1, 15), pair(7 << 17, 16), pair(7 << 17, 17)]),
+    ];
+    let (_folder, path) = file(DAVIS, &packets);
+    let recording = opened(&path, None).unwrap();
+    let expected = [
+        "2 samples of the inertial sensor are marked invalid",
+        "1 frames are marked invalid",
+        "4 events and triggers are marked invalid",
+    ];
+    for _ in 0..2 {
+        let summary = Summary::of(&recording, WithDigest::No).unwrap();
+        assert_eq!((summary.events, summary.marked_invalid), (2, 4));
+        let check = Check::of(&recording, |_| {});
+        assert_eq!((check.events, check.marked_invalid, check.sound), (2, 4, true));
+        for warnings in [summary.warnings, check.warnings] {
+            let told =
+                warnings.iter().zip(expected).filter(|(warning, expected)| warning.starts_with(expected));
+            assert_eq!((warnings.len(), told.count()), (3, 3), "{warnings:?}");
+        }
+    }
+    assert_eq!(recording.load().unwrap().counters().marked_invalid, 4);
 }
 
 #[test]
@@ -104,7 +140,7 @@ fn imu_samples() {
     };
     assert_eq!(samples[0], first);
     assert_eq!((samples[1].t, samples[1].magnetic_field), ((2 << 31) + 9, Some([11.0, 12.0, 13.0])));
-    assert_eq!((samples.len(), recording.warnings().len()), (2, 0));
+    assert_eq!((samples.len(), recording.warnings().len()), (2, 1), "one is invalid");
 }
 
 fn frame(channels: i32, [width, height]: [i32; 2], levels: &[u16]) -> Vec<u8> {

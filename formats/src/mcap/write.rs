@@ -285,14 +285,14 @@ impl Encoder for McapEncoder {
         self.check_time(sample.t)?;
         let data = serial::imu(sample, 0, Wire::Cdr);
         self.message(IMU, sample.t, &data)?;
-        Ok(Kept::Yes)
+        Ok(Kept::Without(serial::parts_of_imu(sample)))
     }
 
     fn frame(&mut self, frame: &Frame) -> Result<Kept, Error> {
         self.check_time(frame.t)?;
         let data = serial::image(frame, 0, Wire::Cdr);
         self.message(FRAMES, frame.t, &data)?;
-        Ok(Kept::Yes)
+        Ok(Kept::Without(serial::parts_of_image(frame)))
     }
 
     fn finish(mut self: Box<Self>) -> Result<u64, Error> {

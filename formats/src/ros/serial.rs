@@ -3,6 +3,7 @@
 use super::event_packet;
 use super::fields::{CDR_HEAD, Wire};
 use super::image;
+use crate::write::Parts;
 use crate::{Frame, ImuSample};
 use lobula_core::Geometry;
 
@@ -97,6 +98,12 @@ pub(crate) fn imu(sample: &ImuSample, seq: u32, wire: Wire) -> Vec<u8> {
     serial.finish()
 }
 
+/// What [`imu`] has no place for.
+pub(crate) fn parts_of_imu(sample: &ImuSample) -> Parts {
+    let (magnetic_field, temperature) = (sample.magnetic_field.is_some(), sample.temperature.is_some());
+    Parts { magnetic_field, temperature, ..Parts::default() }
+}
+
 /// `sensor_msgs/Image`.
 pub(crate) fn image(frame: &Frame, seq: u32, wire: Wire) -> Vec<u8> {
     let mut serial = Serial::new(wire);
@@ -108,6 +115,12 @@ pub(crate) fn image(frame: &Frame, seq: u32, wire: Wire) -> Vec<u8> {
     serial.u32(u32::from(frame.width) * frame.format.bytes() as u32);
     serial.array(&frame.pixels);
     serial.finish()
+}
+
+/// What [`image`] has no place for.
+pub(crate) fn parts_of_image(frame: &Frame) -> Parts {
+    let (exposure, position) = (frame.exposure.is_some(), (frame.x, frame.y) != (0, 0));
+    Parts { exposure, position, ..Parts::default() }
 }
 
 /// `dvs_msgs/EventArray` of ROS 1, with its events as they stand in the message.

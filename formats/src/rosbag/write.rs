@@ -195,14 +195,14 @@ impl Encoder for BagEncoder {
         self.check_time(sample.t)?;
         let data = serial::imu(sample, self.messages[IMU], Wire::Ros1);
         self.message(IMU, sample.t, &data)?;
-        Ok(Kept::Yes)
+        Ok(Kept::Without(serial::parts_of_imu(sample)))
     }
 
     fn frame(&mut self, frame: &Frame) -> Result<Kept, Error> {
         self.check_time(frame.t)?;
         let data = serial::image(frame, self.messages[FRAMES], Wire::Ros1);
         self.message(FRAMES, frame.t, &data)?;
-        Ok(Kept::Yes)
+        Ok(Kept::Without(serial::parts_of_image(frame)))
     }
 
     fn finish(mut self: Box<Self>) -> Result<u64, Error> {

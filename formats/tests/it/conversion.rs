@@ -13,10 +13,10 @@ use serde_json::Value;
 use std::path::Path;
 
 /// A kind of file that we write.
-struct Target {
+pub(crate) struct Target {
     /// Name of the file.
-    name: &'static str,
-    set: fn(&mut WriteOptions),
+    pub(crate) name: &'static str,
+    pub(crate) set: fn(&mut WriteOptions),
     /// What must be said of it when it is read back.
     say: fn(&mut OpenOptions),
     /// Whether it has a place for triggers.
@@ -24,7 +24,7 @@ struct Target {
 }
 
 /// A line for each kind of file that we write.
-const TARGETS: &[Target] = &[
+pub(crate) const TARGETS: &[Target] = &[
     Target { name: "evt2.raw", set: |o| o.encoding = Some(Encoding::Evt2), say: |_| {}, triggers: true },
     Target { name: "evt21.raw", set: |o| o.encoding = Some(LITTLE), say: |_| {}, triggers: true },
     Target { name: "evt4.raw", set: |o| o.encoding = Some(Encoding::Evt4), say: |_| {}, triggers: true },

@@ -4,6 +4,7 @@
 mod conversion;
 mod errors;
 mod hdf5;
+mod left_out;
 mod peer_faults;
 mod ros;
 mod round_trip;
