@@ -117,6 +117,22 @@ impl Packed {
     }
 }
 
+impl Packed {
+    /// Whether a plain chunk of `bytes` bytes is what its checksum says, read in pieces: for one too long to be held.
+    pub fn has_crc(&self, input: &Input, bytes: u64) -> Result<bool, Error> {
+        let (mut at, mut crc) = (self.range.start, crc32fast::Hasher::new());
+        let mut piece = vec![0; READ_BYTES];
+        while at < self.range.end {
+            let left = usize::try_from(self.range.end - at).unwrap_or(usize::MAX);
+            let len = input.read_at(at, piece.get_mut(..left.min(READ_BYTES)).unwrap_or_default())?;
+            crc.update(piece.get(..len).unwrap_or_default());
+            at += len as u64;
+        }
+        let good = self.crc.is_none_or(|told| told == crc.finalize());
+        Ok(good && bytes == self.range.end - self.range.start)
+    }
+}
+
 /// Fills the first `bytes` of `out`; how many there were before the end or an error, and whether the end is good: only
 /// there are checksums compared.
 fn read_all(mut source: impl Read, bytes: usize, out: &mut Vec<u8>) -> (usize, bool) {

@@ -1,7 +1,7 @@
 //! Bytes of a bag in order: those of the file, or of a chunk inside it, unpacked if it is packed.
 //!
-//! What is stored plainly is read in pieces that stay in the nearest caches; a packed chunk is unpacked whole, since
-//! only at its end is it known to be right.
+//! What is stored plainly is read in pieces that stay in the nearest caches; a packed chunk, or one with a checksum, is
+//! held whole, since only at its end is it known to be right.
 
 use super::log;
 use super::packing::{Packed, Packing, Unpacked};
@@ -33,7 +33,7 @@ pub(crate) struct Tape {
     /// The part of `buffer` that is not taken yet.
     unread: Range<usize>,
     chunk: Option<Chunk>,
-    /// Bytes of a packed chunk, unpacked; the memory is kept from chunk to chunk.
+    /// Bytes of a chunk that is held; the memory is kept from chunk to chunk.
     unpacked: Vec<u8>,
 }
 
@@ -44,7 +44,9 @@ struct Chunk {
     packed: Packed,
     /// Bytes of it once unpacked.
     bytes: u64,
-    /// Bytes taken of these; for a plain chunk the place in the file tells.
+    /// Whether it is held whole in memory; else it is read as it comes.
+    held: bool,
+    /// Bytes taken of it, where it is held; else the place in the file tells.
     taken: u64,
     /// Whether its bytes are in memory: not so after a fork.
     ready: bool,
@@ -67,7 +69,7 @@ impl Tape {
 
     /// Another at the same place, without buffers.
     pub fn fork(&self) -> Self {
-        let chunk = self.chunk.clone().map(|chunk| Chunk { ready: !chunk.is_packed(), ..chunk });
+        let chunk = self.chunk.clone().map(|chunk| Chunk { ready: !chunk.held, ..chunk });
         let (input, chunk_bytes_max, end, at) = (self.input.clone(), self.chunk_bytes_max, self.end, self.at);
         Self {
             input,
@@ -97,7 +99,7 @@ impl Tape {
     /// Bytes until the end of the chunk, or of the file, as the file says: there may be fewer.
     pub fn left(&self) -> u64 {
         match &self.chunk {
-            Some(chunk) if chunk.is_packed() => chunk.bytes - chunk.taken,
+            Some(chunk) if chunk.held => chunk.bytes - chunk.taken,
             Some(chunk) => chunk.packed.range.end.saturating_sub(self.at),
             None => self.end.saturating_sub(self.at),
         }
@@ -106,15 +108,15 @@ impl Tape {
     /// Those of them that are there.
     pub fn available(&self) -> u64 {
         match &self.chunk {
-            Some(chunk) if chunk.is_packed() => self.left(),
+            Some(chunk) if chunk.held => self.left(),
             _ => self.left().min(self.input.len().saturating_sub(self.at)),
         }
     }
 
-    /// Offset in the file; in a packed chunk in proportion. It only grows.
+    /// Offset in the file; in a chunk that is held in proportion. It only grows.
     pub fn position(&self) -> u64 {
         match &self.chunk {
-            Some(Chunk { packed, bytes, taken, .. }) if packed.packing != Packing::Plain => {
+            Some(Chunk { packed, bytes, taken, held: true, .. }) => {
                 let packed_bytes = u128::from(packed.range.end - packed.range.start);
                 let done = packed_bytes * u128::from(*taken) / u128::from((*bytes).max(1));
                 packed.range.start + done as u64
@@ -125,7 +127,7 @@ impl Tape {
 
     /// The next bytes: at least `min` of them, or all that are left where these are fewer.
     pub fn peek(&mut self, min: usize) -> Result<&[u8], Error> {
-        if self.chunk.as_ref().is_some_and(Chunk::is_packed) {
+        if self.chunk.as_ref().is_some_and(|chunk| chunk.held) {
             return self.peek_unpacked();
         }
         let available = usize::try_from(self.available()).unwrap_or(usize::MAX);
@@ -162,7 +164,7 @@ impl Tape {
     /// Passes over bytes; over no more than are left.
     pub fn take(&mut self, bytes: u64) {
         let bytes = bytes.min(self.left());
-        if let Some(chunk) = self.chunk.as_mut().filter(|chunk| chunk.is_packed()) {
+        if let Some(chunk) = self.chunk.as_mut().filter(|chunk| chunk.held) {
             chunk.taken += bytes;
             return;
         }
@@ -185,7 +187,8 @@ impl Tape {
     }
 
     /// Goes into a chunk whose data begin at the next byte; `bytes` is its length once unpacked. False where it
-    /// cannot be unpacked: then the place is behind it. A chunk that the file's end cuts holds what is there.
+    /// cannot be unpacked or is not what its checksum says: then the place is behind it. A chunk that the file's end
+    /// cuts holds what is there.
     pub fn enter(
         &mut self,
         packing: Packing,
@@ -194,18 +197,24 @@ impl Tape {
         crc: Option<u32>,
     ) -> Result<bool, Error> {
         let range = self.at..self.at.saturating_add(packed_bytes);
-        if packing == Packing::Plain {
-            let packed = Packed { packing, range, crc };
-            self.chunk = Some(Chunk { packed, bytes, taken: 0, ready: true });
-            return Ok(true);
+        let packed = Packed { packing, range, crc };
+        let fits = bytes <= self.chunk_bytes_max as u64;
+        // Of one that is cut the checksum tells nothing.
+        let is_checked = crc.is_some() && packed.range.end <= self.input.len();
+        if packing == Packing::Plain && !(is_checked && fits) {
+            let good = !is_checked || packed.has_crc(&self.input, bytes)?;
+            self.chunk = Some(Chunk { packed, bytes, held: false, taken: 0, ready: true });
+            if !good {
+                self.leave();
+            }
+            return Ok(good);
         }
-        if bytes > self.chunk_bytes_max as u64 {
+        if !fits {
             let what = format!("has a chunk of {bytes} bytes once unpacked, beyond {}", self.chunk_bytes_max);
             let remedy = "it is damaged there; if not, write it with smaller chunks";
             return Err(Error::new(ErrorKind::TooLarge, self.path(), what, remedy).at(self.at));
         }
-        let packed = Packed { packing, range, crc };
-        self.chunk = Some(Chunk { packed, bytes, taken: 0, ready: false });
+        self.chunk = Some(Chunk { packed, bytes, held: true, taken: 0, ready: false });
         let good = self.unpack()?;
         if !good {
             self.leave();
@@ -254,11 +263,5 @@ impl Tape {
         let fault = if next.is_some() { Fault::Damaged } else { Fault::CutShort };
         log::fault(counters, fault, next.unwrap_or(end).saturating_sub(at));
         self.jump(next.unwrap_or(self.end.max(at)));
-    }
-}
-
-impl Chunk {
-    fn is_packed(&self) -> bool {
-        self.packed.packing != Packing::Plain
     }
 }
