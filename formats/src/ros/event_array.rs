@@ -9,9 +9,36 @@
 //! event, CDR     the same, x at even bytes, s at multiples of 4: 13 bytes the first, 16 with padding each after it
 //! ```
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+/// No kernel.
+#[cfg(not(target_arch = "x86_64"))]
+mod avx2 {
+    use super::{Alike, Event};
+
+    #[derive(Clone, Copy, Debug)]
+    pub(super) enum Cpu {}
+
+    impl Cpu {
+        pub fn detect() -> Option<Self> {
+            None
+        }
+
+        pub fn events<const STRIDE: usize, const PAD: usize>(
+            self,
+            _: &Alike,
+            _: &[[u8; STRIDE]],
+            _: &mut [Event],
+        ) -> (usize, bool) {
+            match self {}
+        }
+    }
+}
+
 use super::fields::{CDR_TAIL_BYTES_MAX, Fields, Wire};
 use crate::byte_cursor::{Bad, Step};
 use crate::intake::{Intake, Taken};
+use avx2::Cpu;
 use lobula_core::{Event, Fault, Geometry, Polarity, SPAN_MAX_US, Sink};
 
 /// Bytes of an event, without padding.
@@ -50,11 +77,13 @@ pub(crate) struct EventArrays {
     left: u32,
     /// Whether the next is the first of its message.
     first: bool,
+    /// For the kernel, where the CPU has what it needs.
+    cpu: Option<Cpu>,
 }
 
 impl EventArrays {
     pub fn new(intake: Intake, shift_us: i64, wire: Wire) -> Self {
-        Self { intake, shift_us, wire, left: 0, first: false }
+        Self { intake, shift_us, wire, left: 0, first: false, cpu: Cpu::detect() }
     }
 
     /// Begins with the events of a message of `bytes` bytes; false where these are not as many as it says.
@@ -131,7 +160,7 @@ impl EventArrays {
         let Some(near) = Near::new(anchor, self.shift_us, self.intake.geometry()) else { return 0 };
         let mut done = 0;
         for (slots, events) in sink.spare().chunks_mut(BATCH).zip(events.chunks(BATCH)) {
-            let good = near.events::<STRIDE, PAD>(events, slots);
+            let good = near.events::<STRIDE, PAD>(events, slots, self.cpu);
             done += good;
             if good < events.len() {
                 break;
@@ -144,7 +173,7 @@ impl EventArrays {
 }
 
 /// Events checked at once.
-const BATCH: usize = 64;
+const BATCH: usize = 256;
 /// Low bits of the seconds that may differ within a block: 1024 s are near in any case.
 const NEAR_BITS: u32 = 10;
 const _: () = assert!((1 << NEAR_BITS) * 1_000_000 + u32::MAX as u64 / 1000 < SPAN_MAX_US);
@@ -173,26 +202,83 @@ impl Near {
         &self,
         events: &[[u8; STRIDE]],
         slots: &mut [Event],
+        cpu: Option<Cpu>,
     ) -> usize {
-        let (mut far, mut on_sensor) = (0, true);
-        // All of them first, and one check for all: it fails seldom.
-        for (slot, event) in slots.iter_mut().zip(events) {
-            let Some(raw) = Raw::of::<PAD>(event) else { return 0 };
-            far |= raw.s ^ self.s;
-            on_sensor &= (raw.x < self.geometry.width) & (raw.y < self.geometry.height);
-            *slot = self.event(raw);
+        let first = events.first().and_then(|event| Raw::of::<PAD>(event));
+        let alike = first.filter(|first| self.is_near(first.s)).and_then(|first| Alike::new(first.s, self));
+        match alike {
+            Some(alike) if alike.events::<STRIDE, PAD>(events, slots, cpu) => events.len(),
+            _ => self.each::<STRIDE, PAD>(events, slots),
         }
-        if far >> NEAR_BITS == 0 && on_sensor {
-            return events.len();
-        }
-        let good = |raw: Raw| (raw.s ^ self.s) >> NEAR_BITS == 0 && self.geometry.contains(raw.x, raw.y);
-        events.iter().take_while(|event| Raw::of::<PAD>(*event).is_some_and(good)).count()
     }
 
+    /// The same, one by one.
+    #[cold]
+    fn each<const STRIDE: usize, const PAD: usize>(
+        &self,
+        events: &[[u8; STRIDE]],
+        slots: &mut [Event],
+    ) -> usize {
+        let good = |raw: &Raw| self.is_near(raw.s) && self.geometry.contains(raw.x, raw.y);
+        let good = events.iter().map_while(|event| Raw::of::<PAD>(event).filter(good));
+        let pairs = slots.iter_mut().zip(good);
+        pairs.map(|(slot, raw)| *slot = raw.event(self.shift_us)).count()
+    }
+
+    fn is_near(&self, s: u32) -> bool {
+        (s ^ self.s) >> NEAR_BITS == 0
+    }
+}
+
+/// What nearly all events that stand together are: of one second, and on the sensor.
+#[derive(Clone, Copy, Debug)]
+struct Alike {
+    s: u32,
+    /// The time of its start, shifted, in µs modulo 2^32.
+    start: u32,
+    x_max: u16,
+    y_max: u16,
+}
+
+impl Alike {
+    /// `None` where the sensor has no pixel.
+    fn new(s: u32, near: &Near) -> Option<Self> {
+        let start = s.wrapping_mul(1_000_000).wrapping_add(near.shift_us as u32);
+        let Geometry { width, height } = near.geometry;
+        // An event has 15 bits for y.
+        Some(Self { s, start, x_max: width.checked_sub(1)?, y_max: height.checked_sub(1)?.min(0x7FFF) })
+    }
+
+    /// Writes events; false where one is not alike, and what was written is to be thrown away.
     #[inline(always)]
-    fn event(&self, raw: Raw) -> Event {
-        let t = raw.s.wrapping_mul(1_000_000).wrapping_add(raw.ns / 1000).wrapping_add(self.shift_us as u32);
-        Event::new(t, raw.x, raw.y, Polarity::from_bit(u16::from(raw.p != 0)))
+    fn events<const STRIDE: usize, const PAD: usize>(
+        &self,
+        events: &[[u8; STRIDE]],
+        slots: &mut [Event],
+        cpu: Option<Cpu>,
+    ) -> bool {
+        let (done, good) = cpu.map_or((0, true), |cpu| cpu.events::<STRIDE, PAD>(self, events, slots));
+        let (events, slots) = (events.get(done..), slots.get_mut(done..));
+        good && self.portable::<STRIDE, PAD>(events.unwrap_or_default(), slots.unwrap_or_default())
+    }
+
+    /// The same for every CPU, without a branch.
+    #[inline(always)]
+    fn portable<const STRIDE: usize, const PAD: usize>(
+        &self,
+        events: &[[u8; STRIDE]],
+        slots: &mut [Event],
+    ) -> bool {
+        let (mut other, mut off) = (0, 0);
+        for (slot, event) in slots.iter_mut().zip(events) {
+            let Some(raw) = Raw::of::<PAD>(event) else { return false };
+            other |= raw.s ^ self.s;
+            off |= u32::from(self.x_max).wrapping_sub(raw.x.into());
+            off |= u32::from(self.y_max).wrapping_sub(raw.y.into());
+            let t = self.start.wrapping_add(raw.ns / 1000);
+            *slot = Event::new(t, raw.x, raw.y, Polarity::from_bit(u16::from(raw.p != 0)));
+        }
+        other == 0 && off >> 31 == 0
     }
 }
 
@@ -217,6 +303,11 @@ impl Raw {
         Some(Self { x: u16_at(x)?, y: u16_at(x + 2)?, s, ns, p })
     }
 
+    fn event(self, shift_us: i64) -> Event {
+        let t = self.s.wrapping_mul(1_000_000).wrapping_add(self.ns / 1000).wrapping_add(shift_us as u32);
+        Event::new(t, self.x, self.y, Polarity::from_bit(u16::from(self.p != 0)))
+    }
+
     /// Time in whole µs, rounded down. ROS 2 has signed seconds, which differ only after 2038.
     #[inline(always)]
     fn us(self) -> i64 {
@@ -235,3 +326,6 @@ impl EventArrays {
         self.left = 0;
     }
 }
+
+#[cfg(test)]
+mod tests;
