@@ -266,6 +266,42 @@ mod tests {
         }
     }
 
+    /// Bags, whole, and with a byte changed beside the start of a record of the file itself, where a piece may begin.
+    #[cfg(feature = "ros")]
+    #[test]
+    fn bags_load_as_they_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let geometry = Geometry::new(346, 260);
+        let events: Vec<_> = (0..300_000u32)
+            .map(|i| Event::new(i * 7, (i % 346) as u16, (i / 7 % 260) as u16, Polarity::from_bit(i as u16)))
+            .collect();
+        for compression in [crate::Compression::None, crate::Compression::Lz4] {
+            let path = folder.path().join(format!("{}.bag", compression.name()));
+            let options = WriteOptions { compression: Some(compression), ..WriteOptions::default() };
+            let mut writer = Writer::create(&path, Some(geometry), &options).unwrap();
+            writer.write(Span { t_first: 0, t_last: 7 * 299_999, geometry, events: &events }).unwrap();
+            writer.finish().unwrap();
+            assert!(open(&path).unwrap().container().pieces(16).unwrap().len() > 4);
+            check(&path);
+            let whole = std::fs::read(&path).unwrap();
+            let starts =
+                whole.windows(12).enumerate().filter(|(_, bytes)| bytes.starts_with(b"\x04\0\0\0op="));
+            let starts: Vec<_> = starts.map(|(at, _)| at).collect();
+            for i in 0..24 {
+                let mut bytes = whole.clone();
+                let at = (starts[i * 89 % starts.len()] + i * 11 % 90).saturating_sub(8).max(4200);
+                bytes[at] ^= 1 << (i % 8);
+                if i % 10 == 9 {
+                    bytes.truncate(whole.len() * i / 30);
+                }
+                std::fs::write(&path, &bytes).unwrap();
+                if open(&path).is_ok() {
+                    check(&path);
+                }
+            }
+        }
+    }
+
     /// Wraps, silence of more than one wrap, steps back, vectors, triggers; and single events, which tell no base.
     #[test]
     fn wraps_are_counted_across_pieces() {

@@ -22,7 +22,7 @@ pub(crate) mod serial;
 mod side;
 mod tape;
 
-use crate::container::{Container, Cursor, Items};
+use crate::container::{Container, Cursor, Items, Piece};
 use crate::intake::Intake;
 use crate::write;
 use crate::{Error, ErrorKind, Frame, ImuSample, OpenOptions, Stream, StreamKind, WriteOptions};
@@ -403,6 +403,11 @@ impl<L: Log> Container for RosRecording<L> {
 
     fn start(&self) -> Box<dyn Cursor> {
         self.events.fork()
+    }
+
+    fn pieces(&self, n: usize) -> Result<Vec<Piece>, Error> {
+        let piece = |cursor| Piece { cursor: Box::new(cursor), wrap_us: 0 };
+        Ok(self.events.pieces(n)?.into_iter().map(piece).collect())
     }
 
     fn imu(&self) -> Items<ImuSample> {

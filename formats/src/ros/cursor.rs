@@ -130,6 +130,16 @@ impl<L: Log> TopicCursor<L> {
         }
     }
 
+    /// Cursors over a stretch of messages each, where none needs what came before it: about `n`, or one.
+    pub fn pieces(&self, n: usize) -> Result<Vec<Self>, Error> {
+        if !matches!(self.body, Body::Arrays(_)) {
+            return Ok(vec![self.copy()]);
+        }
+        let (topic, notes, body) = (&self.topic, &self.notes, &self.body);
+        let cursor = |log| Self::new(log, topic.clone(), notes.clone(), body.clone());
+        Ok(self.log.pieces(n)?.into_iter().map(cursor).collect())
+    }
+
     /// Reads the head of a message.
     fn begin(&mut self, message: Message) -> Result<(), Error> {
         let available = usize::try_from(message.available).unwrap_or(usize::MAX);

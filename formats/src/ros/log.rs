@@ -29,6 +29,13 @@ pub(crate) trait Log: Debug + Send + Sync + Sized + 'static {
 
     /// Another at the same place, without buffers.
     fn fork(&self) -> Self;
+
+    /// About `n` that together have the messages from here on, each from where the one before it ends. One where
+    /// that cannot be.
+    fn pieces(&self, n: usize) -> Result<Vec<Self>, Error> {
+        let _ = n;
+        Ok(vec![self.fork()])
+    }
 }
 
 /// A message that comes.

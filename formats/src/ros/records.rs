@@ -68,6 +68,9 @@ impl<R: Records> RecordLog<R> {
 impl<R: Records> Log for RecordLog<R> {
     fn next(&mut self, wanted: &[u64]) -> Result<Option<Message>, Error> {
         loop {
+            if self.tape.stops_after(self.left) {
+                return Ok(None);
+            }
             match R::find(self)? {
                 Found::Message(message) if wanted.contains(&message.connection) => return Ok(Some(message)),
                 Found::Message(message) if message.available < message.bytes => {
@@ -105,5 +108,22 @@ impl<R: Records> Log for RecordLog<R> {
     fn fork(&self) -> Self {
         let (chunks, left, counters) = (self.chunks.clone(), self.left, self.counters);
         Self { tape: self.tape.fork(), chunks, left, counters, records: PhantomData }
+    }
+
+    /// Cuts between chunks and other records of the file itself, as one pass over them finds these.
+    fn pieces(&self, n: usize) -> Result<Vec<Self>, Error> {
+        let Some(range) = self.tape.outside() else { return Ok(vec![self.fork()]) };
+        let stride = (range.end.saturating_sub(range.start) / n.max(1) as u64).max(1);
+        let mut starts = vec![range.start];
+        let mut walk = Self { tape: self.tape.skim(), ..self.fork() };
+        while !matches!(R::find(&mut walk)?, Found::End) {
+            let Some(place) = walk.tape.outside().filter(|_| walk.left == 0) else { continue };
+            if place.start >= range.start + stride * starts.len() as u64 && place.start < range.end {
+                starts.push(place.start);
+            }
+        }
+        let stops = starts.iter().copied().skip(1).chain([u64::MAX]);
+        let piece = |(start, stop): (&u64, u64)| Self::new(self.tape.over(*start..stop), self.chunks.clone());
+        Ok(starts.iter().zip(stops).map(piece).collect())
     }
 }

@@ -26,6 +26,10 @@ pub(crate) struct Tape {
     chunk_bytes_max: usize,
     /// Where the file's own bytes end, by what the file says.
     end: u64,
+    /// Where another goes on, outside of chunks, in a file that is read in pieces; else beyond everything.
+    stop: u64,
+    /// Whether chunks are passed over.
+    skims: bool,
     /// Offset in the file of the first byte in `unread`.
     at: u64,
     /// Empty until the first read, so that a checkpoint is small.
@@ -59,6 +63,8 @@ impl Tape {
             input,
             chunk_bytes_max,
             end: range.end,
+            stop: u64::MAX,
+            skims: false,
             at: range.start,
             buffer: Vec::new(),
             unread: 0..0,
@@ -70,17 +76,28 @@ impl Tape {
     /// Another at the same place, without buffers.
     pub fn fork(&self) -> Self {
         let chunk = self.chunk.clone().map(|chunk| Chunk { ready: !chunk.held, ..chunk });
-        let (input, chunk_bytes_max, end, at) = (self.input.clone(), self.chunk_bytes_max, self.end, self.at);
-        Self {
-            input,
-            chunk_bytes_max,
-            end,
-            at,
-            buffer: Vec::new(),
-            unread: 0..0,
-            chunk,
-            unpacked: Vec::new(),
-        }
+        Self { chunk, ..self.over(self.at..self.stop) }
+    }
+
+    /// Another outside of chunks that goes from `range.start` on and stops at `range.end`.
+    pub fn over(&self, range: Range<u64>) -> Self {
+        let whole = range.start..self.end;
+        Self { stop: range.end, ..Self::new(self.input.clone(), whole, self.chunk_bytes_max) }
+    }
+
+    /// Another that passes over chunks, for the places between them.
+    pub fn skim(&self) -> Self {
+        Self { skims: true, ..self.fork() }
+    }
+
+    /// Offset in the file outside of chunks, and where its own bytes end.
+    pub fn outside(&self) -> Option<Range<u64>> {
+        self.chunk.is_none().then_some(self.at..self.end)
+    }
+
+    /// Whether another goes on after `bytes` more.
+    pub fn stops_after(&self, bytes: u64) -> bool {
+        self.chunk.is_none() && self.at.saturating_add(bytes) >= self.stop
     }
 
     pub fn input(&self) -> &Arc<Input> {
@@ -197,6 +214,10 @@ impl Tape {
         crc: Option<u32>,
     ) -> Result<bool, Error> {
         let range = self.at..self.at.saturating_add(packed_bytes);
+        if self.skims {
+            self.jump(range.end.min(self.input.len()));
+            return Ok(true);
+        }
         let packed = Packed { packing, range, crc };
         let fits = bytes <= self.chunk_bytes_max as u64;
         // Of one that is cut the checksum tells nothing.
