@@ -3,7 +3,7 @@
 //! `cargo bench -p lobula-benches --bench formats -- [--json] [--keep FOLDER] [NAME...]`: only the files whose name
 //! contains one of the names. They are written by ourselves from the scene of the other benches, into $TMPDIR or the
 //! folder to keep them in (for `benches/peers/`), and read once before they are measured, so that they come from the
-//! page cache.
+//! page cache. `--read PATH` measures a file that another program wrote; then ours are measured only if named.
 
 use lobula_benches::clock::{allowed_cores, median, timed};
 use lobula_benches::input::{EVENTS, Scene};
@@ -53,41 +53,44 @@ const ROUNDS: usize = 5;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1).filter(|arg| arg != "--bench");
-    let (mut json, mut keep, mut names) = (false, None, Vec::new());
+    let (mut json, mut keep, mut names, mut paths) = (false, None, Vec::new(), Vec::new());
     while let Some(arg) = args.next() {
         match arg.as_str() {
             "--json" => json = true,
             "--keep" => keep = Some(PathBuf::from(args.next().ok_or("--keep takes a folder")?)),
+            "--read" => paths.push(PathBuf::from(args.next().ok_or("--read takes a file")?)),
             _ => names.push(arg),
         }
     }
-    let is_wanted =
-        |file: &&File| names.is_empty() || names.iter().any(|name| file.name.contains(name.as_str()));
+    let all = names.is_empty() && paths.is_empty();
+    let is_wanted = |file: &&File| all || names.iter().any(|name| file.name.contains(name.as_str()));
+    if !json {
+        println!(
+            "{:<24} {:>8} {:>18} {:>13} {:>13} {:>6}",
+            "file", "B/event", "blocks, Mev/s CPU", "load, 1 core", "all cores", "times"
+        );
+    }
+    for path in &paths {
+        measure(path, &OpenOptions::default())?.print(json)?;
+    }
+    if !FILES.iter().any(|file| is_wanted(&file)) {
+        return Ok(());
+    }
     let scene = Scene::load(EVENTS)?;
     let temporary = std::env::temp_dir().join(format!("lobula-formats-{}", std::process::id()));
     let folder = keep.clone().unwrap_or(temporary);
     std::fs::create_dir_all(&folder)?;
     if !json {
         println!("{}; medians of {ROUNDS}", scene.source);
-        println!(
-            "{:<24} {:>8} {:>18} {:>13} {:>13} {:>6}",
-            "file", "B/event", "blocks, Mev/s CPU", "load, 1 core", "all cores", "times"
-        );
     }
     for file in FILES.iter().filter(is_wanted) {
-        let row = measure(file, &scene, &folder)?;
-        match json {
-            true => println!("{}", serde_json::to_string(&row)?),
-            false => println!(
-                "{:<24} {:>8.2} {:>18.0} {:>13.0} {:>13.0} {:>6.2}",
-                row.file,
-                row.bytes_per_event,
-                row.blocks,
-                row.load_one_core,
-                row.load,
-                row.load / row.load_one_core
-            ),
-        }
+        let path = folder.join(file.name);
+        write(file, &scene, &path)?;
+        let mut options = OpenOptions::default();
+        (file.say)(&mut options);
+        let row = measure(&path, &options)?;
+        assert_eq!(row.events, scene.events.len());
+        row.print(json)?;
         if keep.is_none() {
             std::fs::remove_file(folder.join(file.name))?;
         }
@@ -101,7 +104,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// What was measured of a file; rates in Mev/s, of `blocks` by CPU time, of loading by the clock on the wall.
 #[derive(serde::Serialize)]
 struct Row {
-    file: &'static str,
+    file: String,
     events: usize,
     bytes_per_event: f64,
     blocks: f64,
@@ -109,20 +112,34 @@ struct Row {
     load: f64,
 }
 
-fn measure(file: &File, scene: &Scene, folder: &Path) -> Result<Row, Box<dyn Error>> {
-    let path = folder.join(file.name);
+impl Row {
+    fn print(&self, json: bool) -> Result<(), Box<dyn Error>> {
+        let Self { file, bytes_per_event, blocks, load_one_core, load, .. } = self;
+        let times = load / load_one_core;
+        match json {
+            true => println!("{}", serde_json::to_string(self)?),
+            false => println!(
+                "{file:<24} {bytes_per_event:>8.2} {blocks:>18.0} {load_one_core:>13.0} {load:>13.0} {times:>6.2}"
+            ),
+        }
+        Ok(())
+    }
+}
+
+fn write(file: &File, scene: &Scene, path: &Path) -> Result<(), Box<dyn Error>> {
     let mut options = WriteOptions::default();
     options.overwrite = true;
     (file.set)(&mut options);
-    let mut writer = Writer::create(&path, Some(scene.geometry), &options)?;
+    let mut writer = Writer::create(path, Some(scene.geometry), &options)?;
     let t_last = scene.tensor_window.t1;
     writer.write(Span { t_first: scene.t_first, t_last, geometry: scene.geometry, events: &scene.events })?;
-    let written = writer.finish()?;
-    let mut options = OpenOptions::default();
-    (file.say)(&mut options);
-    let recording = open_with(&path, &options)?;
-    let events = scene.events.len();
-    assert_eq!(read(&recording)?, events as u64);
+    writer.finish()?;
+    Ok(())
+}
+
+fn measure(path: &Path, options: &OpenOptions) -> Result<Row, Box<dyn Error>> {
+    let recording = open_with(path, options)?;
+    let events = usize::try_from(read(&recording)?)?;
 
     let mevs = |time: Duration| events as f64 / time.as_secs_f64() / 1e6;
     let blocks = mevs(median(&mut rounds(|| timed(|| read(&recording)).0)));
@@ -138,9 +155,9 @@ fn measure(file: &File, scene: &Scene, folder: &Path) -> Result<Row, Box<dyn Err
         Ok(mevs(median(&mut times)))
     };
     Ok(Row {
-        file: file.name,
+        file: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         events,
-        bytes_per_event: written.bytes as f64 / events as f64,
+        bytes_per_event: recording.bytes() as f64 / events as f64,
         blocks,
         load_one_core: load(1)?,
         load: load(allowed_cores()?.len())?,

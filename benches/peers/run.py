@@ -66,6 +66,21 @@ def numpy(path):
     return len(columns["t"])
 
 
+def others(folder):
+    """HDF5 as others write it, and we do not."""
+    import h5py
+    import hdf5plugin
+
+    kinds = {"contiguous": {}, "blosc-zstd": dict(chunks=(16384,), **hdf5plugin.Blosc("zstd", 5, hdf5plugin.Blosc.SHUFFLE))}
+    with h5py.File(f"{folder}/none.h5") as ours:
+        for name, kind in kinds.items():
+            path = f"{folder}/{name}.h5"
+            with h5py.File(path, "w") as file:
+                for column in "txyp":
+                    file.create_dataset(f"events/{column}", data=ours["events"][column][:], **kind)
+            print(path)
+
+
 def rosbags(path):
     from rosbags.highlevel import AnyReader
 
@@ -118,14 +133,21 @@ def main(names):
     interpreter = python()
     with tempfile.TemporaryDirectory(dir=os.environ.get("TMPDIR")) as folder:
         bench = ["cargo", "bench", "--quiet", "-p", "lobula-benches", "--bench", "formats", "--"]
-        ours = subprocess.run([*bench, "--json", "--keep", folder, *names], cwd=ROOT, check=True, stdout=subprocess.PIPE)
+        ours = output([*bench, "--json", "--keep", folder, *names], cwd=ROOT)
+        if pathlib.Path(folder, "none.h5").exists():
+            written = output([interpreter, __file__, "--child", "others", folder])
+            ours += output([*bench, "--json", *(word for path in written for word in ("--read", path))], cwd=ROOT)
         print("| file | Lobula, blocks | Lobula, load, 1 core | peers, whole file (Mev/s of CPU time) |")
         print("|---|---:|---:|---|")
-        for line in ours.stdout.decode().splitlines():
+        for line in ours:
             row = json.loads(line)
             path = pathlib.Path(folder) / row["file"]
             told = [f"{peer.__name__} {measure(interpreter, peer, path, row['events'])}" for peer in PEERS.get(path.suffix, [])]
             print(f"| {row['file']} | {row['blocks']:.0f} | {row['load_one_core']:.0f} | {', '.join(told)} |", flush=True)
+
+
+def output(command, **options):
+    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, **options).stdout.splitlines()
 
 
 def measure(interpreter, peer, path, events):
@@ -143,7 +165,9 @@ def measure(interpreter, peer, path, events):
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--child"]:
+    if sys.argv[1:3] == ["--child", "others"]:
+        others(sys.argv[3])
+    elif sys.argv[1:2] == ["--child"]:
         child(*sys.argv[2:])
     else:
         main(sys.argv[1:])

@@ -33,7 +33,7 @@ pub mod pipeline;
 
 pub mod math;
 pub mod representation;
-mod vector;
+pub mod vector;
 mod window;
 
 #[cfg(all(feature = "alloc", feature = "serde"))]

@@ -68,9 +68,9 @@ impl Filter {
 /// What filters keep between chunks, so that nothing is allocated for each.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
-    /// What a filter takes.
-    pub input: Vec<u8>,
-    /// What it gives.
+    /// What a filter takes, at its start.
+    input: Vec<u8>,
+    /// What it gives, where another takes it.
     output: Vec<u8>,
     inflate: deflate::Inflate,
     zstd: zstd::Zstd,
@@ -81,23 +81,44 @@ pub(super) struct Scratch {
 const ADDED_BYTES_MAX: usize = 64;
 
 impl Scratch {
-    /// Undoes the filters of a chunk, which is in `input`, but those of `mask`, and puts it in `chunk`, which is of its
-    /// length. `None` where the bytes contradict their format.
-    pub fn undo(&mut self, filters: &[Filter], mask: u32, chunk: &mut Vec<u8>, len: usize) -> Option<()> {
-        let used = |(i, filter): (usize, &Filter)| (mask >> i.min(31) & 1 == 0).then_some(*filter);
-        let used = filters.iter().enumerate().rev().filter_map(used);
-        for filter in used {
-            self.one(filter, len + ADDED_BYTES_MAX)?;
-            std::mem::swap(&mut self.input, &mut self.output);
-        }
-        std::mem::swap(&mut self.input, chunk);
-        (chunk.len() >= len).then_some(())
+    /// Memory for a chunk as it is stored, in so many bytes.
+    pub fn stored(&mut self, bytes: usize) -> &mut [u8] {
+        room(&mut self.input, bytes)
     }
 
-    /// Undoes one filter: from `input` to `output`, of `max` bytes at most, whose content before does not matter: to
-    /// fill it with zeroes first would cost as much as some filters do.
-    fn one(&mut self, filter: Filter, max: usize) -> Option<()> {
+    /// Undoes the filters of a chunk, which is [`stored`](Self::stored) in so many bytes, but those of `mask`, of
+    /// which one at least is left, and puts it at the start of `chunk`, in `len` bytes. `None` where the bytes
+    /// contradict their format.
+    pub fn undo(
+        &mut self,
+        filters: &[Filter],
+        mask: u32,
+        stored: usize,
+        chunk: &mut Vec<u8>,
+        len: usize,
+    ) -> Option<()> {
+        let used = |(i, filter): (usize, &Filter)| (mask >> i.min(31) & 1 == 0).then_some(*filter);
+        let mut used = filters.iter().enumerate().rev().filter_map(used).peekable();
+        let mut bytes = stored;
+        while let Some(filter) = used.next() {
+            let is_last = used.peek().is_none();
+            bytes = self.one(filter, bytes, is_last.then_some(&mut *chunk), len + ADDED_BYTES_MAX)?;
+            std::mem::swap(&mut self.input, &mut self.output);
+        }
+        (bytes >= len).then_some(())
+    }
+
+    /// Undoes one filter, from the first bytes of `input` to `chunk` or else `output`; to how many bytes, `max` at
+    /// most.
+    fn one(
+        &mut self,
+        filter: Filter,
+        bytes: usize,
+        chunk: Option<&mut Vec<u8>>,
+        max: usize,
+    ) -> Option<usize> {
         let Self { input, output, inflate, zstd, block } = self;
+        let (input, output) = (input.get(..bytes)?, chunk.unwrap_or(output));
         match filter {
             Filter::Deflate => inflate.undo(input, output, max),
             Filter::Shuffle(element) => shuffle::undo(input, output, element),
@@ -109,4 +130,14 @@ impl Scratch {
             Filter::Ecf => ecf::undo(input, output, max),
         }
     }
+}
+
+/// So many bytes at the start of memory that is never made shorter: to fill it with zeroes for every chunk would cost
+/// as much as some filters do.
+pub(super) fn room(memory: &mut Vec<u8>, bytes: usize) -> &mut [u8] {
+    if memory.len() < bytes {
+        memory.resize(bytes, 0);
+    }
+    let (room, _) = memory.split_at_mut(bytes);
+    room
 }

@@ -3,7 +3,7 @@
 use super::chunks::{self, Chunk};
 use super::dataset::{Dataset, Storage};
 use super::file::File;
-use super::filter::{Filter, Scratch};
+use super::filter::{Filter, Scratch, room};
 use crate::input::Input;
 use crate::{Error, ErrorKind};
 use std::ops::Range;
@@ -34,11 +34,12 @@ enum Pieces {
 #[derive(Debug, Default)]
 pub(super) struct Window {
     pub rows: Range<u64>,
-    pub bytes: Vec<u8>,
+    /// Of these rows, and then anything.
+    bytes: Vec<u8>,
 }
 
 impl Window {
-    /// The bytes from this row on.
+    /// The bytes from this row on, and then anything.
     pub fn from(&self, row: u64, row_bytes: usize) -> &[u8] {
         let before = usize::try_from(row.saturating_sub(self.rows.start)).unwrap_or(usize::MAX);
         self.bytes.get(before.saturating_mul(row_bytes)..).unwrap_or_default()
@@ -171,10 +172,10 @@ impl Source {
             self.read(input, chunk.address, first, row..end, window)?;
             return Ok(Loaded::Yes);
         }
-        scratch.input.resize(chunk.bytes as usize, 0);
-        input.read_at(chunk.address, &mut scratch.input)?;
+        let stored = chunk.bytes as usize;
+        input.read_at(chunk.address, scratch.stored(stored))?;
         let len = usize::try_from(rows.saturating_mul(self.row_bytes as u64)).unwrap_or(usize::MAX);
-        if scratch.undo(&self.filters, chunk.mask, &mut window.bytes, len).is_none() {
+        if scratch.undo(&self.filters, chunk.mask, stored, &mut window.bytes, len).is_none() {
             return Ok(damaged);
         }
         window.rows = first..end;
@@ -191,9 +192,8 @@ impl Source {
         window: &mut Window,
     ) -> Result<(), Error> {
         let count = (rows.end - rows.start).min(WINDOW_ROWS);
-        window.bytes.resize(count as usize * self.row_bytes, 0);
         let at = offset.saturating_add((rows.start - first).saturating_mul(self.row_bytes as u64));
-        input.read_at(at, &mut window.bytes)?;
+        input.read_at(at, room(&mut window.bytes, count as usize * self.row_bytes))?;
         window.rows = rows.start..rows.start + count;
         Ok(())
     }

@@ -11,7 +11,7 @@
 
 use super::deflate::Inflate;
 use super::zstd::Zstd;
-use super::{blosclz, lz4, shuffle};
+use super::{blosclz, lz4, room, shuffle};
 
 /// Bytes of the header.
 const HEADER_BYTES: usize = 16;
@@ -54,7 +54,7 @@ pub(super) fn undo(
     scratch: &mut Vec<u8>,
     inflate: &mut Inflate,
     zstd: &mut Zstd,
-) -> Option<()> {
+) -> Option<usize> {
     let header = Header::parse(input)?;
     if header.bytes > max {
         return None;
@@ -62,10 +62,10 @@ pub(super) fn undo(
     if header.is_stored() {
         output.clear();
         output.extend_from_slice(input.get(HEADER_BYTES..)?.get(..header.bytes)?);
-        return Some(());
+        return Some(header.bytes);
     }
-    output.resize(header.bytes, 0);
-    scratch.resize(header.block.min(header.bytes), 0);
+    let output = room(output, header.bytes);
+    let scratch = room(scratch, header.block.min(header.bytes));
     let mut codec = Codec { compressor: header.flags >> 5, inflate, zstd };
     for (i, block) in output.chunks_mut(header.block.max(1)).enumerate() {
         let offset = input.get(HEADER_BYTES + 4 * i..)?.first_chunk()?;
@@ -83,7 +83,7 @@ pub(super) fn undo(
             _ => codec.block(from, block, &header)?,
         }
     }
-    Some(())
+    Some(header.bytes)
 }
 
 struct Codec<'a> {

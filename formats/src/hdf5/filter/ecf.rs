@@ -19,7 +19,7 @@ const EVENTS_MAX: usize = 65535;
 /// Bytes of an event as it comes out.
 const EVENT_BYTES: usize = 16;
 
-pub(super) fn undo(input: &[u8], output: &mut Vec<u8>, max: usize) -> Option<()> {
+pub(super) fn undo(input: &[u8], output: &mut Vec<u8>, max: usize) -> Option<usize> {
     let mut bytes = Bytes(input);
     let info = bytes.u32()?;
     let count = (info >> 2) as usize;
@@ -35,14 +35,15 @@ pub(super) fn undo(input: &[u8], output: &mut Vec<u8>, max: usize) -> Option<()>
         0 => {
             rows(&mut bytes, events)?;
             columns(&mut bytes, events)?;
-            polarities(&mut bytes, events)
+            polarities(&mut bytes, events)?;
         }
         1 => {
             rows(&mut bytes, events)?;
-            columns_and_polarities(&mut bytes, events)
+            columns_and_polarities(&mut bytes, events)?;
         }
-        _ => everything(&mut bytes, events),
+        _ => everything(&mut bytes, events)?,
     }
+    Some(output.len())
 }
 
 type Event = [u8; EVENT_BYTES];

@@ -1,7 +1,7 @@
 //! Fletcher's checksum (filter 3): four bytes after the chunk.
 
 /// Checks and drops the checksum.
-pub(super) fn undo(input: &[u8], output: &mut Vec<u8>) -> Option<()> {
+pub(super) fn undo(input: &[u8], output: &mut Vec<u8>) -> Option<usize> {
     let (bytes, stored) = input.split_last_chunk()?;
     let sum = checksum(bytes);
     // Versions before 1.6.3 swapped the bytes of each half, and are still read.
@@ -9,7 +9,7 @@ pub(super) fn undo(input: &[u8], output: &mut Vec<u8>) -> Option<()> {
     let stored = u32::from_le_bytes(*stored);
     output.clear();
     output.extend_from_slice(bytes);
-    (stored == sum || stored == swapped).then_some(())
+    (stored == sum || stored == swapped).then_some(bytes.len())
 }
 
 /// Of big-endian words; a last odd byte is the high one of a word.
@@ -49,7 +49,7 @@ mod tests {
         assert_eq!(checksum(&[1, 2, 3, 4]), 0x0508_0406);
         assert_eq!(checksum(&[0xFF; 4]), 0xFFFF_FFFF);
         let mut output = Vec::new();
-        assert_eq!(undo(&[1, 2, 3, 4, 6, 4, 8, 5], &mut output), Some(()));
+        assert_eq!(undo(&[1, 2, 3, 4, 6, 4, 8, 5], &mut output), Some(4));
         assert_eq!(output, [1, 2, 3, 4]);
         assert_eq!(undo(&[1, 2, 3, 5, 6, 4, 8, 5], &mut Vec::new()), None);
         assert_eq!(undo(&[1], &mut Vec::new()), None);

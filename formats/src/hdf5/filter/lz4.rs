@@ -5,17 +5,18 @@
 //! for each block: stored bytes u32 big-endian, then these; as many as a block has means not compressed
 //! ```
 
-pub(super) fn undo(input: &[u8], output: &mut Vec<u8>, max: usize) -> Option<()> {
+use super::room;
+
+pub(super) fn undo(input: &[u8], output: &mut Vec<u8>, max: usize) -> Option<usize> {
     let mut rest = input;
     let total = u64::from_be_bytes(*rest.split_off(..8)?.first_chunk()?);
     let block = u32::from_be_bytes(*rest.split_off(..4)?.first_chunk()?) as usize;
     let total = usize::try_from(total).ok().filter(|total| *total <= max)?;
-    output.resize(total, 0);
-    for to in output.chunks_mut(block.max(1)) {
+    for to in room(output, total).chunks_mut(block.max(1)) {
         let stored = u32::from_be_bytes(*rest.split_off(..4)?.first_chunk()?) as usize;
         fill(rest.split_off(..stored)?, to)?;
     }
-    Some(())
+    Some(total)
 }
 
 /// Decompresses or copies a block into memory of its length.

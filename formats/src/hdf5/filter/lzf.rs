@@ -8,7 +8,7 @@
 
 use super::blosclz::copy;
 
-pub(super) fn undo(input: &[u8], output: &mut Vec<u8>, max: usize) -> Option<()> {
+pub(super) fn undo(input: &[u8], output: &mut Vec<u8>, max: usize) -> Option<usize> {
     output.clear();
     let mut rest = input;
     while let Some(control) = rest.split_off_first() {
@@ -25,7 +25,7 @@ pub(super) fn undo(input: &[u8], output: &mut Vec<u8>, max: usize) -> Option<()>
             return None;
         }
     }
-    Some(())
+    Some(output.len())
 }
 
 #[cfg(test)]

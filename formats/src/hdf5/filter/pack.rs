@@ -1,7 +1,7 @@
 //! The filters that we write with: shuffle, then a compressor.
 
 use super::shuffle;
-use flate2::{Compress, Compression, FlushCompress, Status};
+use libdeflater::{CompressionLvl, Compressor};
 use std::fmt;
 
 /// A compressor to write with; elements of more than one byte are shuffled before.
@@ -18,7 +18,7 @@ pub(in crate::hdf5) enum Codec {
 pub(in crate::hdf5) struct Pack {
     shuffled: Vec<u8>,
     packed: Vec<u8>,
-    deflate: Option<Compress>,
+    deflate: Option<Compressor>,
     zstd: Option<zstd::bulk::Compressor<'static>>,
 }
 
@@ -43,8 +43,8 @@ impl Pack {
         match codec {
             Codec::None => {}
             Codec::Gzip => {
-                let deflate = self.deflate.get_or_insert_with(|| Compress::new(Compression::new(4), true));
-                deflate_to(deflate, from, &mut self.packed)?;
+                let level = || Compressor::new(CompressionLvl::default());
+                deflate_to(self.deflate.get_or_insert_with(level), from, &mut self.packed)?;
             }
             Codec::Lz4 => lz4_to(from, &mut self.packed),
             Codec::Zstd => {
@@ -58,12 +58,11 @@ impl Pack {
     }
 }
 
-fn deflate_to(deflate: &mut Compress, from: &[u8], to: &mut Vec<u8>) -> Option<()> {
-    deflate.reset();
-    // What deflate may add: five bytes to a stored block, and the frame.
-    to.reserve(from.len() + from.len() / 1000 + 128);
-    let status = deflate.compress_vec(from, to, FlushCompress::Finish).ok()?;
-    (status == Status::StreamEnd).then_some(())
+fn deflate_to(deflate: &mut Compressor, from: &[u8], to: &mut Vec<u8>) -> Option<()> {
+    to.resize(deflate.zlib_compress_bound(from.len()), 0);
+    let len = deflate.zlib_compress(from, to).ok()?;
+    to.truncate(len);
+    Some(())
 }
 
 /// One block, in the frame that `lz4` tells.

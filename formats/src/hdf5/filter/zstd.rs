@@ -1,5 +1,6 @@
 //! Zstandard (filter 32015): one frame a chunk.
 
+use super::room;
 use std::fmt;
 use zstd::bulk::Decompressor;
 
@@ -14,12 +15,9 @@ impl fmt::Debug for Zstd {
 }
 
 impl Zstd {
-    /// Decompresses a frame, to `max` bytes at most.
-    pub fn undo(&mut self, input: &[u8], output: &mut Vec<u8>, max: usize) -> Option<()> {
-        output.resize(max, 0);
-        let len = self.fill(input, output)?;
-        output.truncate(len);
-        Some(())
+    /// Decompresses a frame, to `max` bytes at most; to how many.
+    pub fn undo(&mut self, input: &[u8], output: &mut Vec<u8>, max: usize) -> Option<usize> {
+        self.fill(input, room(output, max))
     }
 
     /// Decompresses a frame into this memory; how many bytes that were.

@@ -132,7 +132,7 @@ fn filters(column: &Column) -> Option<Bytes> {
     }
     match column.codec {
         Codec::None => {}
-        Codec::Gzip => filters.push((1, vec![4])),
+        Codec::Gzip => filters.push((1, vec![6])),
         Codec::Lz4 => filters.push((32004, vec![(column.chunk_rows * bytes) as u32])),
         Codec::Zstd => filters.push((32015, vec![3])),
     }
