@@ -26,6 +26,7 @@ mod object;
 mod source;
 mod time_index;
 mod tree;
+mod triggers;
 mod write;
 
 use crate::container::{Container, Cursor, Piece};
@@ -41,6 +42,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use columns::{ColumnCursor, Columns};
 use layout::Layout;
 use time_index::TimeIndex;
+use triggers::Triggers;
 
 /// Its line in the table of formats.
 pub(crate) const FORMAT: Format =
@@ -62,6 +64,22 @@ fn open(input: Arc<Input>, options: &OpenOptions) -> Result<Box<dyn Container>, 
     source::check_memory(&file, &events.sources)?;
     let [t, x, y, p] = events.places;
     let rows = events.sources.iter().map(|source| source.rows).min().unwrap_or(0);
+    let intake = Intake::new(events.geometry.unwrap_or(GEOMETRY_MAX), options);
+    let mut warnings = events.warnings;
+    let triggers = layout.triggers(&file, &events.path, (events.unit, events.t_offset_us));
+    let triggers = triggers.and_then(|found| match found {
+        Some((name, table)) => {
+            source::check_memory(&file, &table.sources)?;
+            Ok((Some(name), Triggers::load(&table, &input, &intake, &options.limits)?))
+        }
+        None => Ok((None, Triggers::default())),
+    });
+    // Events without them are better than none.
+    let (trigger_name, triggers) = triggers.unwrap_or_else(|error| {
+        warnings.push(format!("its triggers are left out: it {}", error.what()));
+        (None, Triggers::default())
+    });
+    warnings.extend(triggers.warning.clone());
     let columns = Columns {
         input,
         sources: events.sources,
@@ -72,16 +90,23 @@ fn open(input: Arc<Input>, options: &OpenOptions) -> Result<Box<dyn Container>, 
         rows,
         unit: events.unit,
         t_offset_us: events.t_offset_us,
+        triggers,
     };
     let named = |kind| move |name: &str| Stream::new(kind, name);
     let streams = layout.names().map(named(StreamKind::Events));
-    let streams = streams.chain(layout.others().map(named(StreamKind::Other))).collect();
+    let of_triggers = |name: &str| {
+        let rest = trigger_name.as_deref().and_then(|triggers| name.strip_prefix(triggers));
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+    };
+    let others = layout.others().filter(|name| !of_triggers(name));
+    let streams = streams.chain(trigger_name.as_deref().map(named(StreamKind::Triggers)));
+    let streams = streams.chain(others.map(named(StreamKind::Other))).collect();
     Ok(Box::new(Hdf5Recording {
         columns: Arc::new(columns),
         geometry: events.geometry,
-        intake: Intake::new(events.geometry.unwrap_or(GEOMETRY_MAX), options),
+        intake,
         streams,
-        warnings: events.warnings,
+        warnings,
         path: events.path,
         limits: options.limits,
         times: Mutex::new(None),
@@ -113,8 +138,8 @@ impl Hdf5Recording {
         Ok(times.insert(built).clone())
     }
 
-    fn cursor(&self, rows: Range<u64>) -> Box<dyn Cursor> {
-        Box::new(ColumnCursor::new(self.columns.clone(), rows, self.intake.clone()))
+    fn cursor(&self, rows: Range<u64>, trigger_next: usize) -> ColumnCursor {
+        ColumnCursor::new(self.columns.clone(), rows, trigger_next, self.intake.clone())
     }
 }
 
@@ -140,14 +165,20 @@ impl Container for Hdf5Recording {
     }
 
     fn start(&self) -> Box<dyn Cursor> {
-        self.cursor(0..self.columns.rows)
+        Box::new(self.cursor(0..self.columns.rows, 0))
     }
 
     fn pieces(&self, n: usize) -> Result<Vec<Piece>, Error> {
+        let Columns { triggers, rows: all, .. } = &*self.columns;
+        if *all == 0 || triggers.by_time() && !triggers.is_empty() {
+            // Where these come, only what is before tells.
+            return Ok(vec![Piece { cursor: self.start(), wrap_us: 0 }]);
+        }
         let rows = self.columns.piece_rows(n as u64);
         let starts = (0..self.columns.rows).step_by(usize::try_from(rows).unwrap_or(usize::MAX));
         let piece = |start: u64| start..start.saturating_add(rows).min(self.columns.rows);
-        Ok(starts.map(|start| Piece { cursor: self.cursor(piece(start)), wrap_us: 0 }).collect())
+        let cursor = |start| self.cursor(piece(start), triggers.first_from(start));
+        Ok(starts.map(|start| Piece { cursor: Box::new(cursor(start)), wrap_us: 0 }).collect())
     }
 
     fn seek_time(&self, t: &Range<u64>) -> Option<Result<Option<Seek>, Error>> {
@@ -156,8 +187,11 @@ impl Container for Hdf5Recording {
             Err(error) => return Some(Err(error)),
         };
         // The cursor itself ends at the last row.
-        let seek =
-            |rows: Range<u64>| Seek { event_next: rows.start, cursor: self.cursor(rows), end: u64::MAX };
+        let seek = |rows: Range<u64>| {
+            let event_next = rows.start;
+            let cursor = self.cursor(rows, times.first_trigger(event_next)).after(event_next);
+            Seek { event_next, cursor: Box::new(cursor), end: u64::MAX }
+        };
         Some(Ok(times.rows(t).map(seek)))
     }
 }

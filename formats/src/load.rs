@@ -302,6 +302,17 @@ mod tests {
         }
     }
 
+    /// In whole chunks, whose lengths divide no piece.
+    #[cfg(feature = "hdf5")]
+    #[test]
+    fn chunks_load_as_they_read() {
+        for file in ["hdf5_gzip", "hdf5_dsec_blosc", "hdf5_e2vid_seconds", "hdf5_prophesee_compound_zstd"] {
+            let Some(path) = data(&format!("{file}.h5")) else { return };
+            assert!(open(&path).unwrap().container().pieces(16).unwrap().len() > 4, "{file} is cut");
+            check(&path);
+        }
+    }
+
     /// Wraps, silence of more than one wrap, steps back, vectors, triggers; and single events, which tell no base.
     #[test]
     fn wraps_are_counted_across_pieces() {

@@ -5,13 +5,15 @@ use super::datatype::Number;
 use super::filter::Scratch;
 use super::number::{self, Value};
 use super::source::{Loaded, Source, Window};
+use super::time_index;
+use super::triggers::Triggers;
 use crate::byte_cursor::Bad;
 use crate::container::{Cursor, Stop};
 use crate::input::Input;
 use crate::intake::{Intake, Taken};
 use crate::open::TimeUnit;
 use crate::{Error, ErrorKind};
-use lobula_core::{Counters, Fault, Sink};
+use lobula_core::{Counters, Fault, Sink, Trigger};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -39,6 +41,7 @@ pub(super) struct Columns {
     pub unit: TimeUnit,
     /// What the file says to add to every time, in µs.
     pub t_offset_us: i64,
+    pub triggers: Triggers,
 }
 
 impl Columns {
@@ -66,7 +69,7 @@ impl Columns {
 }
 
 /// A time of this unit in µs, rounded to the nearest.
-fn micros(unit: TimeUnit, told: Value) -> Option<i64> {
+pub(super) fn micros(unit: TimeUnit, told: Value) -> Option<i64> {
     match told {
         Value::Int(t) => match unit {
             TimeUnit::Seconds => t.checked_mul(1_000_000),
@@ -95,6 +98,10 @@ pub(super) struct ColumnCursor {
     columns: Arc<Columns>,
     rows: Range<u64>,
     intake: Intake,
+    /// Events before what the intake has counted, as triggers count them.
+    events_before: u64,
+    /// Number of the next trigger.
+    trigger_next: usize,
     /// Made at the first event, so that a checkpoint is small.
     loaded: Option<Box<Buffers>>,
 }
@@ -114,9 +121,14 @@ enum Ready {
 }
 
 impl ColumnCursor {
-    /// A cursor over these rows.
-    pub fn new(columns: Arc<Columns>, rows: Range<u64>, intake: Intake) -> Self {
-        Self { columns, rows, intake, loaded: None }
+    /// A cursor over these rows, and the triggers among them from this number on.
+    pub fn new(columns: Arc<Columns>, rows: Range<u64>, trigger_next: usize, intake: Intake) -> Self {
+        Self { columns, rows, intake, events_before: 0, trigger_next, loaded: None }
+    }
+
+    /// The same, for triggers that count the events before it too.
+    pub fn after(self, events_before: u64) -> Self {
+        Self { events_before, ..self }
     }
 
     /// Loads what is needed for the next row; how many rows are there in every column.
@@ -144,6 +156,7 @@ impl ColumnCursor {
         let mut taken = 0;
         while taken < rows {
             let count = batch::ROWS.min(rows - taken).min(sink.room());
+            let count = self.take_triggers(count, sink).unwrap_or(0);
             if count == 0 {
                 break;
             }
@@ -158,6 +171,66 @@ impl ColumnCursor {
             }
         }
         Ok(taken)
+    }
+
+    /// Puts the triggers that come before the next row into the sink; how many of `count` rows come before the next
+    /// trigger. `None` where the sink takes no more triggers.
+    fn take_triggers(&mut self, count: usize, sink: &mut Sink<'_>) -> Option<usize> {
+        while let Some((trigger, before)) = self.trigger() {
+            let rows = self.rows_before(before, count);
+            if rows > 0 || count == 0 {
+                return Some(rows);
+            }
+            self.put_trigger(trigger, sink)?;
+        }
+        Some(count)
+    }
+
+    /// Puts the triggers after the last event into the sink. `None` where it takes no more.
+    fn take_last_triggers(&mut self, sink: &mut Sink<'_>) -> Option<()> {
+        while let Some((trigger, _)) = self.trigger().filter(|_| self.rows.end >= self.columns.rows) {
+            self.put_trigger(trigger, sink)?;
+        }
+        Some(())
+    }
+
+    /// The next trigger, and before what it comes.
+    fn trigger(&self) -> Option<(Trigger, u64)> {
+        let Counters { events, off_sensor, .. } = self.intake.counters;
+        self.columns.triggers.get(self.trigger_next, self.events_before + events - off_sensor)
+    }
+
+    fn put_trigger(&mut self, trigger: Trigger, sink: &mut Sink<'_>) -> Option<()> {
+        sink.push_trigger(trigger).then_some(())?;
+        self.intake.counters.triggers += 1;
+        self.trigger_next += 1;
+        Some(())
+    }
+
+    /// How many of the next `count` rows, which are loaded, come before this row or time.
+    fn rows_before(&self, before: u64, count: usize) -> usize {
+        let columns = &*self.columns;
+        if !columns.triggers.by_time() {
+            return usize::try_from(before.saturating_sub(self.rows.start))
+                .map_or(count, |rows| rows.min(count));
+        }
+        let t = columns.t;
+        let told = columns
+            .sources
+            .get(t.source)
+            .zip(self.loaded.as_ref().and_then(|loaded| loaded.windows.get(t.source)));
+        let Some((source, window)) = told else { return count };
+        let bytes = window.from(self.rows.start, source.row_bytes);
+        let times = time_index::of_rows(columns, &self.intake, bytes, source.row_bytes, count).flatten();
+        if times.is_some_and(|times| times.t_max < before) {
+            return count;
+        }
+        let is_later = |row: &[u8]| {
+            let told = columns.micros(number::value(t.number, row.get(t.offset..)?))?;
+            Some(self.intake.time(told).ok()? >= before)
+        };
+        let rows = bytes.chunks_exact(source.row_bytes.max(1)).take(count);
+        rows.take_while(|row| is_later(row) != Some(true)).count()
     }
 
     /// The fast way, for rows that are all as they should be.
@@ -257,6 +330,9 @@ impl Cursor for ColumnCursor {
                 }
             }
         }
+        if self.take_last_triggers(sink).is_none() {
+            return Ok(Stop::Full);
+        }
         self.loaded = None;
         Ok(Stop::End)
     }
@@ -270,6 +346,8 @@ impl Cursor for ColumnCursor {
     }
 
     fn fork(&self) -> Box<dyn Cursor> {
-        Box::new(Self::new(self.columns.clone(), self.rows.clone(), self.intake.clone()))
+        let (columns, intake) = (self.columns.clone(), self.intake.clone());
+        let fork = Self::new(columns, self.rows.clone(), self.trigger_next, intake);
+        Box::new(fork.after(self.events_before))
     }
 }

@@ -7,6 +7,8 @@
 //! NAME                   N x 4 numbers: columns and unit are to be given
 //! ```
 //!
+//! Datasets of triggers beside them are told in `triggers`.
+//!
 //! The sensor's size is in attributes of the dataset, of its group or of the root: `width` and `height`,
 //! `sensor_resolution` (height first, event_utils), `geometry` ("1280x720", Prophesee). So is the unit of time, where it
 //! is told: `time_unit` ("us", ours), `timestamp_scale_ms` (EventCV).
@@ -20,6 +22,7 @@ use super::group;
 use super::number;
 use super::object::{Kind, Object};
 use super::source::Source;
+use super::triggers::Table;
 use crate::open::{Column, TimeUnit};
 use crate::{Error, ErrorKind, OpenOptions};
 use lobula_core::Geometry;
@@ -76,6 +79,13 @@ enum Shape {
     Compound(Named, [Member; 4]),
     /// One dataset of four columns.
     Table(Named),
+}
+
+/// Columns of triggers: dataset, bytes in its row, and type of t, id and p, and of how many events come before.
+struct Found<'a> {
+    name: String,
+    columns: [(&'a Named, usize, Number); 3],
+    event: Option<(&'a Named, usize, Number)>,
 }
 
 /// What was found in a file.
@@ -165,6 +175,69 @@ impl Layout {
             !of_stream && !matches!(dataset.name(), "t_offset" | "ms_to_idx" | "indexes")
         });
         others.map(|dataset| dataset.path.as_str())
+    }
+
+    /// The triggers of the stream of events of this path: their name, and where they are.
+    pub fn triggers(
+        &self,
+        file: &File,
+        path: &str,
+        (unit, t_offset_us): (TimeUnit, i64),
+    ) -> Result<Option<(String, Table)>, Error> {
+        let bases = [parent(path), parent(parent(path))];
+        let of =
+            |base: &str, name: &str| if base.is_empty() { name.to_owned() } else { format!("{base}/{name}") };
+        let found = bases.iter().find_map(|base| {
+            self.compound_triggers(of(base, "EXT_TRIGGER/events"))
+                .or_else(|| self.own_triggers(of(base, "triggers")))
+        });
+        let Some(Found { name, columns, event }) = found else { return Ok(None) };
+        let (mut sources, mut places) = (Vec::new(), Vec::new());
+        for (named, offset, number) in columns.into_iter().chain(event) {
+            let dataset = Dataset::open(file, &named.path, &Object::read(file, named.object)?)?;
+            places.push(Place { source: sources.len(), offset, number });
+            sources.push(Source::open(file, &dataset, 0)?);
+        }
+        let mut places = places.into_iter();
+        let [t, channel, edge] = [places.next(), places.next(), places.next()];
+        let event = places.next();
+        let table = t.zip(channel).zip(edge).map(|((t, channel), edge)| Table {
+            sources,
+            t,
+            channel,
+            edge,
+            event,
+            unit,
+            t_offset_us,
+        });
+        Ok(table.map(|table| (name, table)))
+    }
+
+    /// Prophesee's.
+    fn compound_triggers(&self, name: String) -> Option<Found<'_>> {
+        let named = self.datasets.iter().find(|dataset| dataset.path == name)?;
+        let Datatype::Compound { members, .. } = &named.datatype else { return None };
+        let column = |name: &str| {
+            let member = members.iter().find(|member| member.name == name)?;
+            let Datatype::Number(number) = member.datatype else { return None };
+            Some((named, member.offset, number))
+        };
+        let columns = [column("t")?, column("id")?, column("p")?];
+        (named.dimensions.len() == 1).then_some(Found { name, columns, event: None })
+    }
+
+    /// Ours.
+    fn own_triggers(&self, name: String) -> Option<Found<'_>> {
+        let column = |column: &str| {
+            let mut of_group =
+                self.datasets.iter().filter(|dataset| dataset.group() == name && is_column(dataset));
+            let named = of_group.find(|dataset| dataset.name() == column)?;
+            let Datatype::Number(number) = named.datatype else { return None };
+            Some((named, 0, number))
+        };
+        let columns = [column("t")?, column("id")?, column("p")?];
+        let event = Some(column("event")?);
+        Some(Found { name, columns, event })
     }
 
     /// The stream that is asked for, or the only one.

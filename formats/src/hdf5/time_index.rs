@@ -8,6 +8,7 @@ use super::datatype::NumberKind;
 use super::filter::Scratch;
 use super::number;
 use super::source::{Loaded, Window};
+use super::triggers::Triggers;
 use crate::index::Times;
 use crate::intake::Intake;
 use crate::open::TimeUnit;
@@ -23,6 +24,8 @@ pub(super) struct TimeIndex {
     stretch: u64,
     /// Of each stretch; nothing where no row of it has a time.
     times: Vec<Option<Times>>,
+    /// Number of the first trigger of each stretch.
+    triggers: Vec<usize>,
 }
 
 impl TimeIndex {
@@ -31,7 +34,10 @@ impl TimeIndex {
         let stretches_max = (limits.index_bytes_max / size_of::<Option<Times>>()).max(1) as u64;
         let fewest = columns.rows.div_ceil(stretches_max);
         let stretch = STRETCH_ROWS.max(fewest.checked_next_power_of_two().unwrap_or(u64::MAX));
-        let mut index = Self { rows: columns.rows, stretch, times: Vec::new() };
+        // At least one, for triggers without any events.
+        let stretches = usize::try_from(columns.rows.div_ceil(stretch).max(1)).unwrap_or(usize::MAX);
+        let mut index =
+            Self { rows: columns.rows, stretch, times: vec![None; stretches], triggers: Vec::new() };
         let (mut window, mut scratch) = (Window::default(), Scratch::default());
         let Some(source) = columns.sources.get(columns.t.source) else { return Ok(None) };
         let mut row = 0;
@@ -56,20 +62,45 @@ impl TimeIndex {
             index.add(row, times);
             row = end;
         }
+        index.add_triggers(&columns.triggers);
         Ok(Some(index))
     }
 
     fn add(&mut self, row: u64, times: Option<Times>) {
         let number = usize::try_from(row / self.stretch).unwrap_or(usize::MAX);
-        if self.times.len() <= number {
-            self.times.resize(number + 1, None);
-        }
         if let Some(slot) = self.times.get_mut(number) {
             *slot = Times::join(*slot, times);
         }
     }
 
-    /// Rows outside of which no time is in the range.
+    /// Finds the stretches that the triggers are in, and joins their times.
+    fn add_triggers(&mut self, triggers: &Triggers) {
+        let mut latest = None;
+        for (number, times) in self.times.iter().enumerate() {
+            let first = match latest {
+                _ if !triggers.by_time() => triggers.first_from(number as u64 * self.stretch),
+                // Those up to here come before an event of an earlier stretch.
+                Some(latest) => triggers.first_from(latest + 1),
+                None => 0,
+            };
+            self.triggers.push(first);
+            latest = latest.max(times.map(|times| times.t_max));
+        }
+        for (trigger, t) in triggers.times().enumerate() {
+            let stretch = self.triggers.partition_point(|first| *first <= trigger).saturating_sub(1);
+            if let Some(times) = self.times.get_mut(stretch) {
+                *times = Times::join(*times, Some(Times { t_min: t, t_max: t }));
+            }
+        }
+    }
+
+    /// Number of the first trigger of the stretch that begins at this row.
+    pub fn first_trigger(&self, row: u64) -> usize {
+        let number = usize::try_from(row / self.stretch).unwrap_or(usize::MAX);
+        self.triggers.get(number).copied().unwrap_or_default()
+    }
+
+    /// Rows outside of which no time is in the range, nor a trigger's.
     pub fn rows(&self, t: &Range<u64>) -> Option<Range<u64>> {
         let inside = |times: &Option<Times>| times.is_some_and(|times| times.overlaps(t));
         let first = self.times.iter().position(inside)? as u64;
@@ -79,7 +110,7 @@ impl TimeIndex {
 }
 
 /// Earliest and latest time of these rows, of those that have one; `None` where one is an error.
-fn of_rows(
+pub(super) fn of_rows(
     columns: &Columns,
     intake: &Intake,
     bytes: &[u8],

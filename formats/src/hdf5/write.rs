@@ -1,4 +1,5 @@
-//! Writes HDF5 files in our own layout and in DSEC's, in constant memory but for 64 bytes to 16384 events.
+//! Writes HDF5 files in our own layout and in DSEC's, in constant memory but for 64 bytes to 16384 events. Only ours has
+//! a place for triggers.
 //!
 //! Chunks are written as they fill, and what finds them after the last: so a file is one only once it is finished.
 
@@ -7,10 +8,10 @@ mod structure;
 
 use super::filter::Codec;
 use crate::output::Output;
-use crate::write::{self, Compression, Encoder, WriteOptions};
+use crate::write::{self, Compression, Encoder, Kept, WriteOptions};
 use crate::{Error, ErrorKind};
 use column::{Column, Element};
-use lobula_core::{Geometry, Span};
+use lobula_core::{Geometry, Polarity, Span, Trigger};
 use std::path::Path;
 use structure::{Attribute, Group, Structures};
 
@@ -20,7 +21,7 @@ const CHUNK_ROWS: usize = 16384;
 /// Which datasets are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Layout {
-    /// `events/{t,x,y,p}` with attributes for size and unit.
+    /// `events/{t,x,y,p}` with attributes for size and unit; `triggers/{t,id,p,event}` if there are any.
     Own,
     /// `events/{t,x,y,p}`, t from `t_offset` on, and `ms_to_idx`.
     Dsec,
@@ -62,6 +63,12 @@ pub(super) fn create(
         y: column(Element::U16),
         p: column(Element::U8),
         milliseconds: column(Element::U64),
+        triggers: Triggers {
+            t: column(Element::I64),
+            id: column(Element::U8),
+            p: column(Element::U8),
+            event: column(Element::U64),
+        },
         origin: None,
         events: 0,
     }))
@@ -94,10 +101,21 @@ struct Hdf5Encoder {
     p: Column,
     /// For each millisecond from the origin on, the number of the first event that is not before it.
     milliseconds: Column,
+    triggers: Triggers,
     /// Time from which DSEC counts: the least of the first chunk.
     origin: Option<u64>,
     /// Events in chunks that were full.
     events: u64,
+}
+
+/// Columns of triggers.
+#[derive(Debug)]
+struct Triggers {
+    t: Column,
+    id: Column,
+    p: Column,
+    /// How many events come before.
+    event: Column,
 }
 
 impl Encoder for Hdf5Encoder {
@@ -117,9 +135,31 @@ impl Encoder for Hdf5Encoder {
         Ok(())
     }
 
+    fn trigger(&mut self, trigger: Trigger) -> Result<Kept, Error> {
+        if self.layout == Layout::Dsec {
+            return Ok(Kept::No);
+        }
+        let event = self.events + self.times.len() as u64;
+        let t = self.told(trigger.t, 0).map_err(|error| {
+            let what = format!("the time {} µs of a trigger {error}", trigger.t);
+            write::refused(self.output.path(), event, &what, "write it with --rebase")
+        })?;
+        let Triggers { t: times, id, p, event: events } = &mut self.triggers;
+        times.extend([t]);
+        id.extend([trigger.channel.into()]);
+        p.extend([(trigger.edge == Polarity::On).into()]);
+        events.extend([event]);
+        if times.gathered() == CHUNK_ROWS {
+            for column in [times, id, p, events] {
+                column.chunk(&mut self.output)?;
+            }
+        }
+        Ok(Kept::Yes)
+    }
+
     fn finish(mut self: Box<Self>) -> Result<u64, Error> {
         self.chunk()?;
-        let Self { output, layout, geometry, t, x, y, p, milliseconds, origin, .. } = *self;
+        let Self { output, layout, geometry, t, x, y, p, milliseconds, triggers, origin, .. } = *self;
         let mut structures = Structures::new(output);
         let mut events = Group::default();
         for (name, column) in [("p", p), ("t", t), ("x", x), ("y", y)] {
@@ -132,6 +172,14 @@ impl Encoder for Hdf5Encoder {
         }
         let mut root = Group::default();
         root.add("events", events.write(&mut structures, &attributes)?.object);
+        if triggers.t.rows() > 0 {
+            let Triggers { t, id, p, event } = triggers;
+            let mut triggers = Group::default();
+            for (name, column) in [("event", event), ("id", id), ("p", p), ("t", t)] {
+                triggers.add(name, column.finish(&mut structures)?);
+            }
+            root.add("triggers", triggers.write(&mut structures, &[])?.object);
+        }
         if layout == Layout::Dsec {
             root.add("ms_to_idx", milliseconds.finish(&mut structures)?);
             let origin = origin.unwrap_or(0) as i64;

@@ -213,8 +213,8 @@ fn aedat2(_: &Path) -> Vec<Vec<u8>> {
 /// In both layouts, and with every filter that we write.
 fn hdf5(path: &Path) -> Vec<Vec<u8>> {
     let compressions = [Compression::None, Compression::Gzip, Compression::Lz4, Compression::Zstd];
-    let own =
-        compressions.map(|compression| written(path, |options| options.compression = Some(compression)));
+    let own = compressions
+        .map(|compression| with_triggers(path, 5, |options| options.compression = Some(compression)));
     let dsec = written(path, |options| options.layout = Some("dsec".into()));
     own.into_iter().chain([dsec]).collect()
 }
@@ -317,6 +317,11 @@ fn raw(path: &Path) -> Vec<Vec<u8>> {
 
 /// A small file as we write it: runs and single events, times further and further apart.
 fn written(path: &Path, set: impl FnOnce(&mut WriteOptions)) -> Vec<u8> {
+    with_triggers(path, 0, set)
+}
+
+/// The same, with so many triggers among the events.
+fn with_triggers(path: &Path, triggers: u64, set: impl FnOnce(&mut WriteOptions)) -> Vec<u8> {
     let geometry = Geometry::new(1280, 720);
     let mut options = WriteOptions::default();
     options.overwrite = true;
@@ -326,6 +331,9 @@ fn written(path: &Path, set: impl FnOnce(&mut WriteOptions)) -> Vec<u8> {
         let t = 1_000 + i * i * 37;
         let run = [0, 1, 2, 5].map(|x| Event::new(t as u32, 64 + x, i as u16, Polarity::from_bit(i as u16)));
         writer.write(Span { t_first: t, t_last: t, geometry, events: &run }).unwrap();
+        if i < triggers {
+            writer.write_trigger(Trigger { t, ordinal: 0, channel: 1, edge: Polarity::On }).unwrap();
+        }
     }
     writer.finish().unwrap();
     std::fs::read(path).unwrap()

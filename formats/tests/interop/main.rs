@@ -8,7 +8,7 @@
 use lobula_core::wire::{Encoding, WordOrder};
 use lobula_core::{Event, Geometry, Polarity, Span, Trigger};
 use lobula_formats::{
-    Compression, CopyOptions, Frame, ImuSample, LeftOut, OpenOptions, Recording, Summary, WithDigest,
+    Blocks, Compression, CopyOptions, Frame, ImuSample, LeftOut, OpenOptions, Recording, Summary, WithDigest,
     WriteOptions, Writer, copy, open_with,
 };
 use std::collections::BTreeMap;
@@ -147,6 +147,9 @@ fn we_read_what_others_write() {
         options.topic = say.get("topic").cloned();
         let summary = open_with(folder.path().join(&name), &options)
             .and_then(|recording| Summary::of(&recording, WithDigest::Yes));
+        if let Some(triggers) = say.get("triggers") {
+            wrong.extend(wrong_triggers(&folder.path().join(&name), triggers));
+        }
         match summary {
             Ok(summary) if summary.events == events && summary.sha256 == Some(sha256) => {}
             Ok(summary) => wrong.push(format!("{name}: {summary:?}")),
@@ -154,6 +157,38 @@ fn we_read_what_others_write() {
         }
     }
     assert!(told.lines().count() > 200 && wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// What is wrong with the triggers of a file, in a pass over it and in slices by time.
+fn wrong_triggers(path: &Path, expected: &str) -> Vec<String> {
+    let told =
+        |t: &Trigger| format!("{},{},{},{}", t.t, t.ordinal, t.channel, u8::from(t.edge == Polarity::On));
+    let triggers = |blocks: Blocks| {
+        let (mut blocks, mut triggers) = (blocks, Vec::new());
+        while let Some(chunk) = blocks.next_block().unwrap() {
+            triggers.extend_from_slice(chunk.triggers);
+        }
+        triggers
+    };
+    let recording = open(path).unwrap();
+    let all = triggers(recording.blocks());
+    let found: Vec<_> = all.iter().map(told).collect();
+    let mut wrong = Vec::new();
+    if found.join(" ") != expected {
+        wrong.push(format!("{}: {found:?}", path.display()));
+    }
+    if recording.load().unwrap().triggers() != all {
+        wrong.push(format!("{}: others when loaded", path.display()));
+    }
+    let (start, end) = (all[0].t - 10, all[199].t + 10);
+    for from in (start..end).step_by(61_001) {
+        let t = from..from + 40_000;
+        let slice = triggers(recording.slice_time(t.clone()).unwrap());
+        if !all.iter().filter(|trigger| t.contains(&trigger.t)).eq(&slice) {
+            wrong.push(format!("{}: {slice:?} in {t:?}", path.display()));
+        }
+    }
+    wrong
 }
 
 /// Writes the file; events and digest as we read them back.

@@ -102,6 +102,19 @@ done("int-ns.h5", t=small, time_unit="ns")
 columns("seconds.h5", ("f8", "i2", "i2", "?"), t=small / 1e6, names=("ts", "xs", "ys", "ps"))
 done("seconds.h5", t=small)
 
+# Triggers, which come before the first event that is not earlier: before all events, among them, around the step back,
+# in no order, at the same time, after all.
+edges = np.zeros(300, [("p", "i2"), ("t", "i8"), ("id", "i2")])
+edges["t"][:200] = np.linspace(t.min() - 50_000, t.max() + 50_000, 200)
+edges["t"][200:] = t[15_000]
+edges["t"][40:43] = t[999] - 200, t[999], t[1001]
+edges["t"][70:72] = edges["t"][71], edges["t"][70]
+edges["t"][80:90] = t[12_345]
+edges["p"][::2] = 1
+edges["id"] = np.arange(300) % 7
+places = np.searchsorted(np.maximum.accumulate(t), np.maximum.accumulate(edges["t"]))
+triggers = " ".join(f"{edge['t']},{place},{edge['id']},{edge['p']}" for edge, place in zip(edges, places))
+
 # Prophesee's compound, also without the gap before t; a group with many names and attributes.
 for name, offsets in {"compound": [0, 2, 4, 8], "compound-packed": [0, 2, 4, 6]}.items():
     kind = np.dtype(
@@ -117,8 +130,8 @@ for name, offsets in {"compound": [0, 2, 4, 8], "compound-packed": [0, 2, 4, 6]}
                 file.attrs[f"attribute {i}"] = i
                 file.create_group(f"group {i}")
             file.create_dataset("CD/events", data=events, chunks=(2500,), compression="gzip")
-            file.create_dataset("EXT_TRIGGER/events", data=np.zeros(3, [("p", "i2"), ("t", "i8"), ("id", "i2")]))
-        done(f"{name}-{version}.h5")
+            file.create_dataset("EXT_TRIGGER/events", data=edges, chunks=(128,), compression="gzip")
+        done(f"{name}-{version}.h5", triggers=triggers)
 
 
 

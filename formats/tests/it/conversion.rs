@@ -44,7 +44,7 @@ pub(crate) const TARGETS: &[Target] = &[
         triggers: true,
     },
     Target { name: "aedat2.aedat", set: |_| {}, say: |_| {}, triggers: true },
-    Target { name: "own.h5", set: |_| {}, say: |_| {}, triggers: false },
+    Target { name: "own.h5", set: |_| {}, say: |_| {}, triggers: true },
     Target { name: "dsec.h5", set: |o| o.layout = Some("dsec".into()), say: |_| {}, triggers: false },
     Target { name: "cd.dat", set: |_| {}, say: |_| {}, triggers: false },
     Target { name: "plain.bag", set: |_| {}, say: |_| {}, triggers: false },

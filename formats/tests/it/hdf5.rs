@@ -1,8 +1,8 @@
 //! HDF5: what the file says and does not say, layouts, lengths around chunks.
 
 use super::{events_of, everything};
-use lobula_core::{Event, Geometry, Polarity, Span};
-use lobula_formats::{Compression, ErrorKind, Summary, WithDigest, WriteOptions, Writer, open};
+use lobula_core::{Event, Geometry, Polarity, Span, Trigger};
+use lobula_formats::{Compression, ErrorKind, StreamKind, Summary, WithDigest, WriteOptions, Writer, open};
 use std::path::Path;
 
 const VGA: Geometry = Geometry::new(640, 480);
@@ -159,6 +159,58 @@ fn slices_of_times_in_any_order() {
             let expected: Vec<_> =
                 events.iter().filter(|(time, _)| t.contains(time)).map(|(_, event)| *event).collect();
             assert!(slice.events.iter().map(|(_, event)| *event).eq(expected), "{t:?}");
+        }
+    }
+}
+
+/// Before and after all events, more at one place than a block has room for, at times in any order.
+#[test]
+fn triggers_keep_their_place() {
+    let folder = tempfile::tempdir().unwrap();
+    for (count, compression) in [(0, None), (100, None), (40_000, None), (200_000, Some(Compression::None))] {
+        let path = folder.path().join(format!("{count}.h5"));
+        let events = events(count, 1_000_000);
+        let mut options = WriteOptions::default();
+        options.compression = compression;
+        let mut writer = Writer::create(&path, Some(VGA), &options).unwrap();
+        let mut triggers = Vec::new();
+        for ordinal in 0..=count {
+            let times = match ordinal {
+                16_384 => 200,
+                0 | 50 | 8192 | 99_999 => 1,
+                _ if ordinal == count => 3,
+                _ => u64::from(ordinal % 997 == 3),
+            };
+            for i in 0..times {
+                let t = 1_000_000 + ordinal * 37 + i * 91 % 50;
+                let edge = Polarity::from_bit((i + ordinal) as u16);
+                let trigger = Trigger { t, ordinal, channel: (i % 3) as u8, edge };
+                writer.write_trigger(trigger).unwrap();
+                triggers.push(trigger);
+            }
+            if let Some((t, event)) = events.get(ordinal as usize) {
+                let span = Span { t_first: *t, t_last: *t, geometry: VGA, events: &[*event] };
+                writer.write(span).unwrap();
+            }
+        }
+        assert_eq!(writer.finish().unwrap().triggers, triggers.len() as u64);
+        let recording = open(&path).unwrap();
+        assert!(recording.streams().iter().any(|stream| stream.kind == StreamKind::Triggers));
+        let all = everything(recording.blocks());
+        assert!(all.events == events && all.triggers == triggers, "{count}");
+        assert!(
+            all.places.iter().map(|place| *place as u64).eq(triggers.iter().map(|trigger| trigger.ordinal))
+        );
+        assert_eq!(recording.load().unwrap().triggers(), triggers);
+        for start in (0..count * 37 + 100_000).step_by(150_001) {
+            let t = start + 990_000..start + 1_040_000;
+            let slice = everything(recording.slice_time(t.clone()).unwrap());
+            let expected = triggers.iter().filter(|trigger| t.contains(&trigger.t));
+            assert!(slice.triggers.iter().eq(expected), "{t:?} of {count}");
+            let first = start / 37;
+            let slice = everything(recording.slice_events(first..first + 5000).unwrap());
+            let expected = triggers.iter().filter(|trigger| (first..first + 5000).contains(&trigger.ordinal));
+            assert!(slice.triggers.iter().eq(expected), "{first} of {count}");
         }
     }
 }
