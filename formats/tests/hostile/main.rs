@@ -210,13 +210,14 @@ fn aedat2(_: &Path) -> Vec<Vec<u8>> {
     vec![davis, dvs128]
 }
 
-/// In both layouts, and with every filter that we write.
+/// In both layouts, with every filter that we write, and with triggers.
 fn hdf5(path: &Path) -> Vec<Vec<u8>> {
     let compressions = [Compression::None, Compression::Gzip, Compression::Lz4, Compression::Zstd];
-    let own = compressions
-        .map(|compression| with_triggers(path, 5, |options| options.compression = Some(compression)));
+    let own =
+        compressions.map(|compression| written(path, |options| options.compression = Some(compression)));
     let dsec = written(path, |options| options.layout = Some("dsec".into()));
-    own.into_iter().chain([dsec]).collect()
+    let triggers = with_triggers(path, 5, |options| options.compression = Some(Compression::None));
+    own.into_iter().chain([dsec, triggers]).collect()
 }
 
 /// As NumPy deflates it: members of 480 events, in an archive without fields of zip64.

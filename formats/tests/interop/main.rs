@@ -9,7 +9,7 @@ use lobula_core::wire::{Encoding, WordOrder};
 use lobula_core::{Event, Geometry, Polarity, Span, Trigger};
 use lobula_formats::{
     Blocks, Compression, CopyOptions, Frame, ImuSample, LeftOut, OpenOptions, Recording, Summary, WithDigest,
-    WriteOptions, Writer, copy, open_with,
+    WriteOptions, Writer, copy, open, open_with,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
