@@ -7,7 +7,7 @@
 use lobula_benches::clock::median;
 use lobula_core::wire::Encoding;
 use lobula_core::{Event, Geometry, Polarity, Span};
-use lobula_formats::{WriteOptions, Writer, open};
+use lobula_formats::{Compression, WriteOptions, Writer, open};
 use std::error::Error;
 use std::path::Path;
 use std::process::Command;
@@ -21,6 +21,10 @@ const FILES: &[File] = &[
     ("evt2.raw", |options| options.encoding = Some(Encoding::Evt2)),
     ("evt3.raw", |options| options.encoding = Some(Encoding::Evt3)),
     ("cd.dat", |_| {}),
+    ("none.h5", |options| options.compression = Some(Compression::None)),
+    ("events.npy", |_| {}),
+    ("events.npz", |_| {}),
+    ("none.aedat4", |options| options.compression = Some(Compression::None)),
 ];
 
 const GEOMETRY: Geometry = Geometry::new(1280, 720);

@@ -29,7 +29,7 @@ use crate::intake::{Intake, Taken};
 use crate::open::Probe;
 use crate::{Error, ErrorKind, Format, Frame, ImuSample, OpenOptions, Stream, StreamKind};
 use clock::Clock;
-use lobula_core::{Counters, Event, Fault, Geometry, Polarity, Sink, Trigger};
+use lobula_core::{Counters, Fault, Geometry, Polarity, Sink, Trigger};
 use std::sync::Arc;
 
 /// Its line in the table of formats.
@@ -182,6 +182,7 @@ enum Read {
 }
 
 /// An address and the reading of the counter.
+#[inline(always)]
 fn split(record: [u8; RECORD_BYTES]) -> (u32, u32) {
     let [a, b, c, d, e, f, g, h] = record;
     (u32::from_be_bytes([a, b, c, d]), u32::from_be_bytes([e, f, g, h]))
@@ -328,8 +329,8 @@ impl ByteDecoder for Decoder {
 
 /// Reads the event of an address without a branch.
 trait Addresses: Copy {
-    /// The event, and bits that are 0 where it is one, on the sensor.
-    fn event(self, address: u32, t: u32) -> (Event, u32);
+    /// x in bits 0 to 15, y in 16 to 30, and 1 in 31 for ON; and bits that are 0 where it is an event, on the sensor.
+    fn pixel(self, address: u32) -> (u32, u32);
 }
 
 #[derive(Clone, Copy)]
@@ -337,12 +338,12 @@ struct DavisEvents(Geometry);
 
 impl Addresses for DavisEvents {
     #[inline(always)]
-    fn event(self, address: u32, t: u32) -> (Event, u32) {
+    fn pixel(self, address: u32) -> (u32, u32) {
         let x = u32::from(self.0.width).wrapping_sub(1 + (address >> 12 & 0x3FF));
         let y = u32::from(self.0.height).wrapping_sub(1 + (address >> 22 & 0x1FF));
         // Below 0 the upper bits are set.
-        let wrong = (address & 0x8000_0400) | ((x | y) & 0xFFFF_0000);
-        (Event::new(t, x as u16, y as u16, Polarity::from_bit((address >> 11) as u16)), wrong)
+        let wrong = (address & 0x8000_0400) | ((x | y) & 0xFFFF_0000) | (y & 0x8000);
+        (x | y << 16 | (address << 20 & 1 << 31), wrong)
     }
 }
 
@@ -351,11 +352,11 @@ struct Dvs128Events(Geometry);
 
 impl Addresses for Dvs128Events {
     #[inline(always)]
-    fn event(self, address: u32, t: u32) -> (Event, u32) {
+    fn pixel(self, address: u32) -> (u32, u32) {
         let x = u32::from(self.0.width).wrapping_sub(1 + (address >> 1 & 0x7F));
         let y = u32::from(self.0.height).wrapping_sub(1 + (address >> 8 & 0x7F));
-        let wrong = (address & 0xFFFF_8000) | ((x | y) & 0xFFFF_0000);
-        (Event::new(t, x as u16, y as u16, Polarity::from_bit(!address as u16)), wrong)
+        let wrong = (address & 0xFFFF_8000) | ((x | y) & 0xFFFF_0000) | (y & 0x8000);
+        (x | y << 16 | (!address << 31), wrong)
     }
 }
 

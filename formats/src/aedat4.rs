@@ -24,7 +24,7 @@ mod write;
 use crate::byte_cursor::Bad;
 use crate::container::{Container, Cursor, Items, Piece};
 use crate::input::Input;
-use crate::intake::{Intake, Taken};
+use crate::intake::{Intake, Plain, Taken};
 use crate::open::Probe;
 use crate::packets::{
     Elements, Head, Kind, PacketCursor, Packets, SideDamage, SideItem, SideStream, Unpacked, Unpacking,
@@ -33,7 +33,7 @@ use crate::packets::{
 use crate::{Error, ErrorKind, Format, Frame, ImuSample, OpenOptions, PixelFormat, Stream};
 use compression::Unpacker;
 use flatbuffer::{Table, Vector};
-use lobula_core::{Event, Geometry, Polarity, Sink};
+use lobula_core::{Geometry, Polarity, Sink};
 use std::ops::Range;
 use std::sync::Arc;
 use streams::Streams;
@@ -391,36 +391,13 @@ fn split(event: &[u8; EVENT_BYTES]) -> (i64, i16, i16, u8) {
 /// Takes events that are all on the sensor and near the first in time; tells whether it did.
 fn take_batch(batch: &[[u8; EVENT_BYTES]], intake: &mut Intake, sink: &mut Sink<'_>) -> bool {
     let (Some(first), Some(last)) = (batch.first().map(split), batch.last().map(split)) else { return false };
-    let Ok(t_first) = intake.time(first.0) else { return false };
-    // Half of the span of a block on either side, and what is before 0 is for the other path.
-    if t_first < NEAR_US || (!sink.is_empty() && sink.t_first().abs_diff(t_first) >= NEAR_US) {
-        return false;
-    }
-    let Geometry { width, height } = intake.geometry();
-    let (width, height) = (u64::from(width), u64::from(height));
-    let base = t_first.wrapping_sub(first.0 as u64);
-    let (mut wrong, mut off) = (0, 0);
-    for (event, slot) in batch.iter().zip(sink.spare()) {
-        // Words of 64 bits throughout, so that the compiler takes several events at once.
+    let event = |event: &[u8; EVENT_BYTES]| {
         let word = u128::from_le_bytes(*event);
-        let (t, rest) = (word as u64, (word >> 64) as u64);
-        let (x, y, on) = (rest & 0xFFFF, rest >> 16 & 0xFFFF, rest >> 32);
-        // On the sensor where this is negative.
-        off |= !(x.wrapping_sub(width) & y.wrapping_sub(height));
-        wrong |= (on & 0xFE) | (t.wrapping_sub(first.0 as u64).wrapping_add(NEAR_US) & !(2 * NEAR_US - 1));
-        let t = base.wrapping_add(t) as u32;
-        *slot = Event::new(t, x as u16, y as u16, Polarity::from_bit(on as u16));
-    }
-    if wrong != 0 || off >> 63 != 0 {
-        return false;
-    }
-    sink.commit(batch.len(), t_first, t_first.wrapping_add_signed(last.0.wrapping_sub(first.0)));
-    intake.counters.events += batch.len() as u64;
-    true
+        // Of the polarity one byte, after it there are unused ones.
+        Plain { t_us: word as u64, pixel: (word >> 64) as u64 & 0xFF_FFFF_FFFF }
+    };
+    intake.push_alike(sink, 0, (first.0, last.0), batch.iter(), event)
 }
-
-/// How far from the first the times of a batch may be, in µs: a quarter of what a block can span.
-const NEAR_US: u64 = 1 << 29;
 
 #[derive(Debug)]
 struct Aedat4Recording {

@@ -18,7 +18,8 @@ use crate::open::Probe;
 use crate::raw::header::Header;
 use crate::wrap::{LATE_US_MAX, Wrap32};
 use crate::{Error, ErrorKind, Format, OpenOptions};
-use lobula_core::{Counters, Event, Geometry, Polarity, Sink};
+use lobula_core::vector::widest;
+use lobula_core::{Counters, Event, Geometry, Sink};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -142,7 +143,39 @@ impl Layout {
 
     #[inline(always)]
     fn is_on(self, word: u64) -> bool {
-        (word << self.p_shift) >> 63 == 1
+        self.on(word) != 0
+    }
+
+    /// 1 for ON in bit 63.
+    #[inline(always)]
+    fn on(self, word: u64) -> u64 {
+        (word << self.p_shift) & (1 << 63)
+    }
+}
+
+impl Layout {
+    /// Copies events, adding `shift` to their times. Gives bits of how far they are from `origin`, and those of the guard
+    /// that every place left.
+    #[inline(always)]
+    fn copy(
+        self,
+        from: &[[u8; EVENT_BYTES]],
+        to: &mut [Event],
+        shift: u32,
+        origin: u32,
+        guard: u64,
+    ) -> (u32, u64) {
+        let (mut far, mut near) = (0, Guard::BITS);
+        for (event, slot) in from.iter().zip(to) {
+            // Words of 64 bits throughout, so that the compiler takes several events at once.
+            let word = u64::from_le_bytes(*event);
+            let place = self.place(word);
+            far |= word.wrapping_sub(origin.into());
+            near &= guard.wrapping_sub(place);
+            let t = word.wrapping_add(shift.into()) & u64::from(u32::MAX);
+            *slot = Event::from_word(t | place | self.on(word));
+        }
+        (far as u32, near)
     }
 }
 
@@ -228,17 +261,11 @@ impl Decoder {
         }
         let shift = (t_first as u32).wrapping_sub(first);
         let origin = first.wrapping_sub(late as u32);
-        let (mut far, mut near) = (0u32, Guard::BITS);
-        let spare = sink.spare().iter_mut();
-        for (event, slot) in events.iter().zip(spare) {
-            let word = u64::from_le_bytes(*event);
-            let place = self.layout.place(word);
-            let t = word as u32;
-            far |= t.wrapping_sub(origin);
-            near &= guard.wrapping_sub(place);
-            let polarity = Polarity::from_bit(u16::from(self.layout.is_on(word)));
-            *slot = Event::new(t.wrapping_add(shift), (place >> 32) as u16, (place >> 48) as u16, polarity);
-        }
+        let (layout, spare) = (self.layout, sink.spare());
+        let (far, near) = widest(
+            #[inline(always)]
+            || layout.copy(events, spare, shift, origin, guard),
+        );
         if u64::from(far) >= BATCH_US_MAX || near & Guard::BITS != Guard::BITS {
             return Ok(false);
         }

@@ -2,20 +2,32 @@
 
 use crate::byte_cursor::Bad;
 use crate::{ErrorKind, OpenOptions};
+use lobula_core::vector::widest;
 use lobula_core::{Counters, Event, Fault, Geometry, Polarity, Sink};
 
 /// Farthest that events taken together are from the earliest they may be; a power of two.
 const ALIKE_US_MAX: u64 = 1 << 29;
 
-/// An event as whole numbers of a file.
+/// An event as whole numbers of a file, in words of 64 bits, so that the compiler takes several events at once.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Plain {
-    pub t_us: i64,
-    pub x: u16,
-    pub y: u16,
-    pub on: bool,
-    /// Whether it is none.
-    pub bad: bool,
+    /// Its time, not shifted, as an `i64`.
+    pub t_us: u64,
+    /// x in bits 0 to 15, y in 16 to 31, and 0 or 1 for OFF or ON from bit 32 on: anything else there is no polarity.
+    pub pixel: u64,
+}
+
+/// Bits that a [`Plain::pixel`] that is on the sensor may have.
+const PIXEL_BITS: u64 = 0x1_7FFF_7FFF;
+/// A bit above each coordinate of fifteen bits.
+const GUARD_BITS: u64 = 0x8000_8000;
+
+/// The last pixel of the sensor, the guard's bits set: what has no other bits than [`PIXEL_BITS`] and is subtracted
+/// clears one of them where it is off the sensor. `None` for a sensor without pixels.
+fn guard(geometry: Geometry) -> Option<u64> {
+    // The polarity is to be subtracted as well.
+    let last = |side: u16| side.min(1 << 15).checked_sub(1).map(u64::from);
+    Some(1 << 32 | GUARD_BITS | last(geometry.width)? | last(geometry.height)? << 16)
 }
 
 /// Checks of events one by one, and the ledger.
@@ -79,35 +91,44 @@ impl Intake {
         Ok(Taken::Yes)
     }
 
-    /// Takes `n` events that are all on the sensor, sound, and near the first in time; else takes none of them, and
-    /// they are to be pushed one by one. The hot loop of formats that hold whole numbers: it has no branch.
+    /// Takes as many events as there are records, where all are on the sensor, sound, and near the first in time; else
+    /// takes none of them, and they are to be pushed one by one. The hot loop of formats that hold whole numbers: it has
+    /// no branch.
     #[inline]
-    pub fn push_alike(
+    pub fn push_alike<R>(
         &mut self,
         sink: &mut Sink<'_>,
-        n: usize,
         bytes_each: u64,
         (first_us, last_us): (i64, i64),
-        events: impl Iterator<Item = Plain>,
+        records: impl ExactSizeIterator<Item = R>,
+        read: impl Fn(R) -> Plain,
     ) -> bool {
+        let n = records.len();
         let Ok(t_first) = self.time(first_us) else { return false };
         let late = t_first.min(ALIKE_US_MAX / 2);
-        let sides = [self.geometry.width, self.geometry.height].map(|side| u32::from(side).checked_sub(1));
-        let [Some(x_max), Some(y_max)] = sides else { return false };
+        let Some(guard) = guard(self.geometry) else { return false };
         if n > sink.room() || !sink.admits(t_first - late) || !sink.admits(t_first + ALIKE_US_MAX) {
             return false;
         }
-        let origin = first_us.wrapping_sub(late as i64);
-        let (mut far, mut off) = (0, 0);
-        for (event, slot) in events.zip(sink.spare().iter_mut()).take(n) {
-            let Plain { t_us, x, y, on, bad } = event;
-            far |= t_us.wrapping_sub(origin) as u64;
-            off |= x_max.wrapping_sub(x.into()) | y_max.wrapping_sub(y.into()) | u32::from(bad) << 31;
-            let t = (t_us as u32).wrapping_add(self.shift_us as u32);
-            *slot = Event::new(t, x, y, Polarity::from_bit(u16::from(on)));
-        }
+        let origin = first_us.wrapping_sub(late as i64) as u64;
+        let (shift, spare) = (self.shift_us as u32, sink.spare());
+        let (far, near, seen) = widest(
+            #[inline(always)]
+            || {
+                let (mut far, mut near, mut seen) = (0, GUARD_BITS, 0);
+                for (slot, record) in spare.iter_mut().zip(records) {
+                    let Plain { t_us, pixel } = read(record);
+                    far |= t_us.wrapping_sub(origin);
+                    near &= guard.wrapping_sub(pixel);
+                    seen |= pixel;
+                    let t = u64::from((t_us as u32).wrapping_add(shift));
+                    *slot = Event::from_word(t | pixel << 32 | pixel << 31 & 1 << 63);
+                }
+                (far, near, seen)
+            },
+        );
         // The bound is a power of two: a time beyond it has a bit that no time within it has.
-        if far >= ALIKE_US_MAX || off >> 31 != 0 {
+        if far >= ALIKE_US_MAX || near & GUARD_BITS != GUARD_BITS || seen & !PIXEL_BITS != 0 {
             return false;
         }
         sink.commit(n, t_first, t_first.wrapping_add_signed(last_us.wrapping_sub(first_us)));

@@ -313,6 +313,36 @@ mod tests {
         }
     }
 
+    /// Whole, and damaged in the middle, cut where the end is not needed.
+    #[cfg(feature = "tables")]
+    #[test]
+    fn tables_load_as_they_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let geometry = Geometry::new(1280, 720);
+        for name in ["a.npy", "a.npz", "a.csv", "a.txt"] {
+            let path = folder.path().join(name);
+            let mut writer = Writer::create(&path, Some(geometry), &WriteOptions::default()).unwrap();
+            for i in 0..30_000u64 {
+                let t = 5_000_000_000 + i * i % 2_003 + i * 7;
+                let polarity = Polarity::from_bit((i / 3) as u16);
+                let events = [Event::new(t as u32, (i * 31 % 1280) as u16, (i * 7 % 720) as u16, polarity)];
+                writer.write(Span { t_first: t, t_last: t, geometry, events: &events }).unwrap();
+            }
+            writer.finish().unwrap();
+            assert!(open(&path).unwrap().container().pieces(16).unwrap().len() > 8, "{name} is cut");
+            check(&path);
+            let mut bytes = std::fs::read(&path).unwrap();
+            let middle = bytes.len() / 2;
+            bytes[middle..middle + 9_000].fill(b'#');
+            if name != "a.npz" {
+                bytes.truncate(bytes.len() - 1_007);
+            }
+            let path = folder.path().join(format!("damaged-{name}"));
+            std::fs::write(&path, bytes).unwrap();
+            check(&path);
+        }
+    }
+
     /// Wraps, silence of more than one wrap, steps back, vectors, triggers; and single events, which tell no base.
     #[test]
     fn wraps_are_counted_across_pieces() {

@@ -12,13 +12,14 @@
 //!
 //! p is 0 or 1, -1 or 1, or a bool. A row that is no event (NaN, half a pixel) is counted as damaged and skipped.
 
-use crate::container::{Container, Cursor};
+use crate::container::{Container, Cursor, Piece};
 use crate::input::Input;
 use crate::intake::Intake;
 use crate::open::Probe;
 use crate::{Error, ErrorKind, Format, OpenOptions, Stream, StreamKind};
 use cursor::NumpyCursor;
 use lobula_core::Geometry;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 use table::Table;
@@ -72,6 +73,12 @@ struct NumpyRecording {
     intake: Intake,
 }
 
+impl NumpyRecording {
+    fn cursor(&self, rows: Range<u64>) -> Box<dyn Cursor> {
+        Box::new(NumpyCursor::new(self.table.clone(), rows, self.input.len(), self.intake.clone()))
+    }
+}
+
 impl Container for NumpyRecording {
     fn geometry(&self) -> Option<Geometry> {
         self.geometry
@@ -87,7 +94,17 @@ impl Container for NumpyRecording {
     }
 
     fn start(&self) -> Box<dyn Cursor> {
-        Box::new(NumpyCursor::new(self.table.clone(), self.input.len(), self.intake.clone()))
+        self.cursor(0..self.table.rows)
+    }
+
+    /// As many rows each; the last counts those that are missing.
+    fn pieces(&self, n: usize) -> Result<Vec<Piece>, Error> {
+        let there = self.table.rows_there().unwrap_or(0);
+        let each = there.div_ceil(n.max(1) as u64).max(1);
+        let starts = (1..n as u64).map(|i| i * each).take_while(|start| *start < there);
+        let ends = starts.clone().chain([self.table.rows]);
+        let rows = [0].into_iter().chain(starts).zip(ends);
+        Ok(rows.map(|(start, end)| Piece { cursor: self.cursor(start..end), wrap_us: 0 }).collect())
     }
 }
 

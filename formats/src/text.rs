@@ -12,17 +12,19 @@
 //! [`number`], never as floating point; a time between two µs becomes the nearest.
 
 use crate::byte_cursor::{Bad, ByteCursor, ByteDecoder, Step};
-use crate::container::{Container, Cursor};
+use crate::container::{Container, Cursor, Piece};
 use crate::input::Input;
 use crate::intake::{Intake, Taken};
 use crate::open::Probe;
 use crate::packed::{Packing, Source, Unpack, unpack_head};
 use crate::{Error, Format, OpenOptions};
+use batch::Batch;
 use layout::{Findings, Layout};
 use line::Line;
 use lobula_core::{Counters, Fault, Geometry, Sink};
 use std::sync::Arc;
 
+mod batch;
 mod layout;
 mod line;
 mod number;
@@ -72,7 +74,7 @@ fn open(input: Arc<Input>, options: &OpenOptions) -> Result<Box<dyn Container>, 
     let Findings { layout, size, start } = layout::find(&head, input.path(), options)?;
     let geometry = options.sensor_size.or(size);
     let intake = Intake::new(geometry.unwrap_or(GEOMETRY_MAX), options);
-    let decoder = Decoder { intake, layout, skipping: false };
+    let decoder = Decoder { intake, layout, skipping: false, each: 0 };
     Ok(Box::new(TextRecording { input, packing, geometry, start, decoder }))
 }
 
@@ -96,6 +98,28 @@ impl Container for TextRecording {
         self.decoder.intake.geometry()
     }
 
+    /// Whole lines, where the text is not packed.
+    fn pieces(&self, n: usize) -> Result<Vec<Piece>, Error> {
+        if self.packing.is_some() {
+            return Ok(vec![Piece { cursor: self.start(), wrap_us: 0 }]);
+        }
+        let (input, len) = (&self.input, self.input.len());
+        let stride = len.saturating_sub(self.start) / n.max(1) as u64;
+        let mut starts = vec![self.start];
+        for i in 1..n as u64 {
+            let start = next_line(input, self.start + i * stride)?;
+            if start < len && starts.last().is_some_and(|last| *last < start) {
+                starts.push(start);
+            }
+        }
+        let ends = starts.iter().copied().skip(1).chain([len]);
+        let piece = |(start, end): (u64, u64)| {
+            let source = Source::Plain(input.clone());
+            Piece { cursor: Box::new(ByteCursor::new(source, start..end, self.decoder.clone())), wrap_us: 0 }
+        };
+        Ok(starts.iter().copied().zip(ends).map(piece).collect())
+    }
+
     fn start(&self) -> Box<dyn Cursor> {
         let (input, len) = (self.input.clone(), self.input.len());
         let (source, end) = match self.packing {
@@ -113,6 +137,8 @@ struct Decoder {
     layout: Layout,
     /// Inside a line that is too long.
     skipping: bool,
+    /// So many lines are taken one by one, since those before them were not of the usual kind.
+    each: usize,
 }
 
 impl Decoder {
@@ -130,6 +156,32 @@ impl Decoder {
         Ok(true)
     }
 
+    /// Takes many lines of the usual kind; how many bytes they were.
+    fn take_alike(&mut self, text: &[u8], sink: &mut Sink<'_>) -> usize {
+        if self.each > 0 {
+            self.each -= 1;
+            return 0;
+        }
+        if text.len() < TEXT_WORTH || sink.room() < LINES_WORTH {
+            return 0;
+        }
+        let batch = Batch::read(text, &self.layout, sink.room());
+        let events = batch.events.get(..batch.len).unwrap_or_default();
+        let ends = events.first().zip(events.last());
+        let alike = ends.is_some_and(|(first, last)| {
+            let ends = (first.t_us as i64, last.t_us as i64);
+            self.intake.push_alike(sink, 0, ends, events.iter(), |event| *event)
+        });
+        // Lines that are not alike are to be rare, or the looking would be for nothing.
+        let worth = alike && batch.len >= LINES_WORTH;
+        self.each = if worth { 0 } else { batch::LINES };
+        if !alike {
+            return 0;
+        }
+        self.intake.other(batch.bytes as u64);
+        batch.bytes
+    }
+
     /// Drops the bytes of a line that is too long, up to its end if that is among them.
     fn skip(&mut self, bytes: &[u8]) -> usize {
         let end = end_of_line(bytes);
@@ -137,6 +189,23 @@ impl Decoder {
         let taken = end.unwrap_or(bytes.len());
         self.intake.counters.bytes_faulty += taken as u64;
         taken
+    }
+}
+
+/// Fewer lines at once are not worth it, nor is less text than they may take.
+const LINES_WORTH: usize = 16;
+const TEXT_WORTH: usize = 1024;
+
+/// Offset of the first line that begins at `offset` or after it; the length of the text where none does.
+fn next_line(input: &Input, offset: u64) -> Result<u64, Error> {
+    let (mut at, mut buffer) = (offset.saturating_sub(1), [0; LINE_BYTES_MAX]);
+    loop {
+        let len = input.read_at(at, &mut buffer)?;
+        match end_of_line(buffer.get(..len).unwrap_or_default()) {
+            Some(end) => return Ok(at + end as u64),
+            None if len == 0 => return Ok(input.len()),
+            None => at += len as u64,
+        }
     }
 }
 
@@ -156,6 +225,13 @@ impl ByteDecoder for Decoder {
                 }
                 done += self.skip(rest);
                 continue;
+            }
+            match self.take_alike(rest, sink) {
+                0 => {}
+                taken => {
+                    done += taken;
+                    continue;
+                }
             }
             if let Some((event, bytes)) = line::plain(rest, &self.layout) {
                 if !self.take(event, bytes, sink).map_err(|bad| Bad { offset: done, ..bad })? {
@@ -375,8 +451,12 @@ mod tests {
     fn any_split_gives_the_same() {
         let text = format!("0.5 3 4 1\n# note\nbad\n{}\n1.5 5 6 0\n7 7 7 1\n", "9".repeat(5_000));
         let layout = layout::find(text.as_bytes(), Path::new("a"), &options("s", "t,x,y,p")).unwrap().layout;
-        let decoder =
-            Decoder { intake: Intake::new(GEOMETRY_MAX, &OpenOptions::default()), layout, skipping: false };
+        let decoder = Decoder {
+            intake: Intake::new(GEOMETRY_MAX, &OpenOptions::default()),
+            layout,
+            skipping: false,
+            each: 0,
+        };
         let run = |pieces: &mut dyn Iterator<Item = &[u8]>| {
             let mut memory = [lobula_core::Event::default(); 64];
             let (mut sink, mut decoder) = (Sink::new(&mut memory), decoder.clone());

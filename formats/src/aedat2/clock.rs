@@ -6,6 +6,7 @@
 
 use super::{Addresses, RECORD_BYTES, split};
 use lobula_core::Event;
+use lobula_core::vector::widest;
 
 /// Longest step that is jitter wherever it falls, in µs.
 const JITTER_US: i64 = 1 << 20;
@@ -62,14 +63,21 @@ impl Clock {
         addresses: impl Addresses,
     ) -> Option<(u64, u64)> {
         let start = (self.last - JITTER_US / 2) as u32;
-        let mut wrong = 0;
-        for (record, slot) in records.iter().zip(events) {
-            let (address, reading) = split(*record);
-            let after = reading.wrapping_sub(start);
-            let (event, off) = addresses.event(address, (low as u32).wrapping_add(after));
-            *slot = event;
-            wrong |= off | (after & !(JITTER_US as u32 - 1));
-        }
+        let wrong = widest(
+            #[inline(always)]
+            || {
+                let mut wrong = 0;
+                for (record, slot) in records.iter().zip(events) {
+                    let (address, reading) = split(*record);
+                    let after = reading.wrapping_sub(start);
+                    let (pixel, off) = addresses.pixel(address);
+                    let t = (low as u32).wrapping_add(after);
+                    *slot = Event::from_word(u64::from(pixel) << 32 | u64::from(t));
+                    wrong |= off | (after & !(JITTER_US as u32 - 1));
+                }
+                wrong
+            },
+        );
         if wrong != 0 {
             return None;
         }

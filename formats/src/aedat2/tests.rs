@@ -1,5 +1,6 @@
 use super::*;
 use crate::{PixelFormat, Recording, open_with};
+use lobula_core::Event;
 
 /// A file with this chip and these records.
 fn file(chip: &str, records: &[(u32, u32)]) -> (tempfile::TempDir, Recording) {

@@ -1,5 +1,6 @@
 use super::*;
 use crate::{Compression, Recording, WriteOptions, Writer, open_with};
+use lobula_core::Event;
 use lobula_core::{Fault, Span, Trigger};
 use std::path::{Path, PathBuf};
 

@@ -9,10 +9,11 @@ use crate::container::{Cursor, Stop};
 use crate::intake::{Intake, Plain, Taken};
 use crate::packed::Source;
 use lobula_core::{Counters, Fault, Sink};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Rows read at once.
-const ROWS: usize = 4096;
+const ROWS: usize = 8192;
 /// Rows taken at once where all are alike.
 const BATCH: usize = 512;
 
@@ -53,12 +54,13 @@ impl Fast {
     }
 }
 
-/// An event of the fast layouts. `least` is the least polarity: 0xFF where there may be -1.
+/// An event of the fast layouts, by its time and, in one word, x, y and p. A p of -1 is OFF where it is `SIGNED`.
 #[inline(always)]
-fn plain(t: [u8; 8], x: [u8; 2], y: [u8; 2], p: u8, least: u8) -> Plain {
-    let t_us = i64::from_le_bytes(t);
-    let bad = p.wrapping_sub(least) > 1u8.wrapping_sub(least);
-    Plain { t_us, x: u16::from_le_bytes(x), y: u16::from_le_bytes(y), on: p == 1, bad }
+fn plain<const SIGNED: bool>(t_us: u64, pixel: u64) -> Plain {
+    // To the byte of p its sign is added: -1 becomes 0, and no other number becomes 0 or 1.
+    let p_from = 1 << 32;
+    let pixel = if SIGNED { (pixel + (pixel >> 7 & p_from)) & ((p_from << 8) - 1) } else { pixel };
+    Plain { t_us, pixel }
 }
 
 /// A place in a table.
@@ -70,8 +72,9 @@ pub(super) struct NumpyCursor {
     fast: Option<Fast>,
     /// Rows before this one are not alike: they are taken one by one.
     each_until: u64,
-    /// The next row.
+    /// The next row, and the one at which another cursor goes on, or all end.
     row: u64,
+    rows_end: u64,
     /// Empty until the first read, so that a checkpoint is small.
     lanes: Vec<Buffered>,
     /// The rows in the buffers, of which those before `row` are done.
@@ -87,7 +90,8 @@ struct Buffered {
 }
 
 impl NumpyCursor {
-    pub fn new(table: Arc<Table>, file_bytes: u64, intake: Intake) -> Self {
+    /// Over these rows.
+    pub fn new(table: Arc<Table>, rows: Range<u64>, file_bytes: u64, intake: Intake) -> Self {
         let fast = Fast::of(&table);
         Self {
             table,
@@ -95,7 +99,8 @@ impl NumpyCursor {
             intake,
             fast,
             each_until: 0,
-            row: 0,
+            row: rows.start,
+            rows_end: rows.end,
             lanes: Vec::new(),
             buffered: 0,
             buffered_end: 0,
@@ -114,7 +119,7 @@ impl NumpyCursor {
             let buffered = |lane: &Lane| Buffered { source: lane.source.fork(), bytes: Vec::new() };
             self.lanes = table.lanes.iter().map(buffered).collect();
         }
-        let mut rows = (table.rows - self.row).min(ROWS as u64) as usize;
+        let mut rows = (self.rows_end - self.row).min(ROWS as u64) as usize;
         for (lane, buffer) in table.lanes.iter().zip(&mut self.lanes) {
             rows = rows.min(buffer.read(lane, self.row, rows)?);
         }
@@ -124,29 +129,31 @@ impl NumpyCursor {
 
     /// The rest that the header promised is not there.
     fn cut_short(&mut self) {
-        let missing = self.table.rows - self.row;
+        let missing = self.rows_end - self.row;
         if missing > 0 {
             self.intake.fault(Fault::CutShort, missing.saturating_mul(self.row_bytes()));
-            self.row = self.table.rows;
+            self.row = self.rows_end;
         }
     }
 
     /// Takes the next `n` rows where their layout is a fast one and all are alike; else none.
-    fn take_alike(&mut self, n: usize, sink: &mut Sink<'_>) -> bool {
+    fn take_alike<const SIGNED: bool>(&mut self, n: usize, sink: &mut Sink<'_>) -> bool {
         let (at, row_bytes) = ((self.row - self.buffered) as usize, self.row_bytes());
-        let [_, _, _, p] = self.table.columns;
-        let least = if p.dtype.kind == Kind::Signed { 0xFF } else { 0 };
+        let time = |t: &[u8; 8]| i64::from_le_bytes(*t);
         match (self.fast, self.lanes.as_slice()) {
             (Some(Fast::Record), [rows]) => {
-                let rows =
-                    rows.bytes.as_chunks::<{ Fast::RECORD_BYTES }>().0.get(at..at + n).unwrap_or_default();
-                let event = |row: &[u8; Fast::RECORD_BYTES]| {
-                    let [t0, t1, t2, t3, t4, t5, t6, t7, x0, x1, y0, y1, p] = *row;
-                    plain([t0, t1, t2, t3, t4, t5, t6, t7], [x0, x1], [y0, y1], p, least)
-                };
+                let rows = rows.bytes.as_chunks::<{ Fast::RECORD_BYTES }>().0;
+                let rows = rows.get(at..at + n).unwrap_or_default();
+                let t = |row: &[u8; Fast::RECORD_BYTES]| row.first_chunk().map_or(0, time);
                 let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return false };
-                let ends = (event(first).t_us, event(last).t_us);
-                self.intake.push_alike(sink, n, row_bytes, ends, rows.iter().map(event))
+                let event = |row: &[u8; Fast::RECORD_BYTES]| {
+                    // The last eight bytes begin with three of t.
+                    let [t0, t1, t2, t3, t4, t5, t6, t7, x0, x1, y0, y1, p] = *row;
+                    let t_us = u64::from_le_bytes([t0, t1, t2, t3, t4, t5, t6, t7]);
+                    let pixel = u64::from_le_bytes([t5, t6, t7, x0, x1, y0, y1, p]) >> 24;
+                    plain::<SIGNED>(t_us, pixel)
+                };
+                self.intake.push_alike(sink, row_bytes, (t(first), t(last)), rows.iter(), event)
             }
             (Some(Fast::Columns), [t, x, y, p]) => {
                 let t = t.bytes.as_chunks::<8>().0.get(at..at + n).unwrap_or_default();
@@ -154,11 +161,12 @@ impl NumpyCursor {
                 let y = y.bytes.as_chunks::<2>().0.get(at..at + n).unwrap_or_default();
                 let p = p.bytes.get(at..at + n).unwrap_or_default();
                 let (Some(first), Some(last)) = (t.first(), t.last()) else { return false };
-                let ends = (i64::from_le_bytes(*first), i64::from_le_bytes(*last));
-                let events =
-                    t.iter().zip(x).zip(y).zip(p).map(|(((t, x), y), p)| plain(*t, *x, *y, *p, least));
-                [x.len(), y.len(), p.len()] == [n; 3]
-                    && self.intake.push_alike(sink, n, row_bytes, ends, events)
+                let (ends, rows) = ((time(first), time(last)), t.iter().zip(x).zip(y).zip(p));
+                rows.len() == n
+                    && self.intake.push_alike(sink, row_bytes, ends, rows, |(((t, x), y), p)| {
+                        let [x, y] = [x, y].map(|at| u64::from(u16::from_le_bytes(*at)));
+                        plain::<SIGNED>(u64::from_le_bytes(*t), x | y << 16 | u64::from(*p) << 32)
+                    })
             }
             _ => false,
         }
@@ -200,12 +208,17 @@ impl Buffered {
 impl Cursor for NumpyCursor {
     fn fill(&mut self, sink: &mut Sink<'_>) -> Result<Stop, Error> {
         let row_bytes = self.row_bytes();
+        let [.., p] = self.table.columns;
+        let take_alike = match p.dtype.kind {
+            Kind::Signed => Self::take_alike::<true>,
+            _ => Self::take_alike::<false>,
+        };
         loop {
             while self.row < self.buffered_end {
                 let left = (self.buffered_end - self.row).min(BATCH as u64) as usize;
                 let n = left.min(sink.room());
                 if self.row >= self.each_until && n > 0 {
-                    if self.take_alike(n, sink) {
+                    if take_alike(self, n, sink) {
                         self.row += n as u64;
                         continue;
                     }
@@ -223,7 +236,7 @@ impl Cursor for NumpyCursor {
                 }
                 self.row += 1;
             }
-            if self.row >= self.table.rows || !self.refill()? {
+            if self.row >= self.rows_end || !self.refill()? {
                 self.cut_short();
                 return Ok(Stop::End);
             }
@@ -244,8 +257,8 @@ impl Cursor for NumpyCursor {
     }
 
     fn fork(&self) -> Box<dyn Cursor> {
-        let mut fork = Self::new(self.table.clone(), self.file_bytes, self.intake.clone());
-        fork.row = self.row;
+        let rows = self.row..self.rows_end;
+        let mut fork = Self::new(self.table.clone(), rows, self.file_bytes, self.intake.clone());
         (fork.buffered, fork.buffered_end) = (self.row, self.row);
         Box::new(fork)
     }

@@ -30,6 +30,19 @@ pub(super) struct Table {
     pub others: Vec<String>,
 }
 
+impl Table {
+    /// How many of the rows are there in whole; `None` where that is not known before they are unpacked.
+    pub fn rows_there(&self) -> Option<u64> {
+        let there = |lane: &Lane| match (&lane.source, lane.end) {
+            (Source::Plain(input), Some(end)) => {
+                Some(end.min(input.len()).saturating_sub(lane.start) / (lane.stride as u64).max(1))
+            }
+            _ => None,
+        };
+        self.lanes.iter().map(there).try_fold(self.rows, |least, rows| Some(least.min(rows?)))
+    }
+}
+
 /// Rows of bytes, one after the other.
 #[derive(Debug)]
 pub(super) struct Lane {

@@ -72,7 +72,7 @@ pub(super) fn parse(line: &[u8], layout: &Layout) -> Line {
     event(line, layout).unwrap_or(Line::Bad)
 }
 
-const POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
+pub(super) const POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
 
 /// Reads the first line of `text` where it is of the usual kind, which is most of them: four numbers of at most 16 plain
 /// digits, a fraction only in the time and no finer than a µs. Also tells its length with its end. `None` for any other
