@@ -16,6 +16,7 @@
 //! neither may delay events.
 
 pub mod config;
+pub mod floor;
 pub mod source;
 
 mod clock;

@@ -6,14 +6,12 @@ use super::percentiles::Percentiles;
 use super::plan::Plan;
 use crate::args::FloorArgs;
 use crate::{Failure, output};
-use lobula_client::transport::{self, Outlet};
-use lobula_client::{Flags, PacketHeader, Root, ShmEvent, Stream};
-use lobulad::now_ns;
+use lobula_client::{Flags, Root, ShmEvent};
+use lobulad::{floor, now_ns};
 use std::io::{BufRead, BufReader};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-const CAMERA: &str = "floor";
 /// Time between two packets.
 const PACKET: Duration = Duration::from_millis(1);
 /// How long one end waits for the other.
@@ -65,44 +63,32 @@ pub fn run(args: &FloorArgs) -> Result<(), Failure> {
 }
 
 fn publish(root: &Root, packets: u64, events: usize) -> Result<(), Failure> {
-    let node = transport::node(root, "lobula-floor")?;
-    let outlet =
-        Outlet::<ShmEvent, PacketHeader>::create(&node, root, &Stream::events(), CAMERA, events, None)?;
+    let sender = floor::Sender::new(root, events)?;
     let template = vec![ShmEvent::default(); events];
     let start = Instant::now() + PACKET;
     let start_ns = now_ns() + PACKET.as_nanos() as u64;
     for packet in 0..=packets {
         let after = PACKET * packet as u32;
         sleep((start + after).saturating_duration_since(Instant::now()));
-        let Some(mut loan) = outlet.loan(events)? else { continue };
-        loan.payload_mut().copy_from_slice(&template);
-        let header = loan.user_header_mut();
-        *header = PacketHeader::default();
-        header.stamps.due_ns = start_ns + after.as_nanos() as u64;
-        header.flags = if packet == packets { Flags::END.0 } else { 0 };
-        outlet.send(loan)?;
+        let flags = if packet == packets { Flags::END } else { Flags::default() };
+        sender.send(&template, start_ns + after.as_nanos() as u64, flags)?;
     }
     // The last packet lies in this process's memory: the other end says that it was read by going.
     let deadline = Instant::now() + PATIENCE;
-    while outlet.clients() > 0 && Instant::now() < deadline {
+    while sender.receivers() > 0 && Instant::now() < deadline {
         sleep(PACKET);
     }
     Ok(())
 }
 
 fn receive(root: &Root) -> Result<(), Failure> {
-    let node = transport::node(root, "lobula-floor")?;
-    let (data, wake) =
-        transport::create_services::<ShmEvent, PacketHeader>(&node, &Stream::events(), CAMERA)?;
-    let subscriber = data.subscriber_builder().create().map_err(Failure::general)?;
-    let listener = wake.listener_builder().create().map_err(Failure::general)?;
+    let receiver = floor::Receiver::new(root, true).map_err(Failure::general)?;
     output::line("ready")?;
     let mut times_ns = Vec::with_capacity(4096);
     let deadline = Instant::now() + PATIENCE;
     while Instant::now() < deadline {
-        listener.timed_wait(|_| {}, PACKET * 50).map_err(|error| Failure::general(format!("{error:?}")))?;
-        while let Some(sample) = subscriber.receive().map_err(Failure::general)? {
-            let (now, header) = (now_ns(), sample.user_header());
+        receiver.wait(PACKET * 50).map_err(Failure::general)?;
+        while let Some((now, header)) = receiver.take().map_err(Failure::general)? {
             if header.flags().contains(Flags::END) {
                 return output::json(&Percentiles::of(&mut times_ns));
             }
