@@ -1,8 +1,8 @@
-//! Plain loops, compiled twice: for the target, and for the wider vectors that most x86-64 CPUs of today have. And the one
-//! thing that no loop becomes: [`outside`].
+//! Plain loops, compiled twice: for the target, and for the wider vectors that most x86-64 CPUs of today have. And the
+//! one thing that no loop becomes: [`outside`].
 //!
-//! [`widest`] has no code of its own for any CPU: the compiler vectorises the one loop there is, so both give the same bits (fused
-//! multiply-add is not switched on). Counting by polarity takes 2.1 ms per 1.22 million events with AVX2 and 3.0 without
+//! [`widest`] has no code of its own for any CPU: the compiler vectorises the one loop there is, so both give the same
+//! bits (fused multiply-add is not switched on). Counting by polarity takes 2.1 ms per 1.22 million events with AVX2 and 3.0 without
 //! (Sapphire Rapids, one busy core, 2026-11). In no_std, and on other CPUs, what the target is compiled for is all.
 
 /// Does `work`, compiled for AVX2 where the CPU has it. Give it a closure with `#[inline(always)]` that calls nothing

@@ -1,5 +1,6 @@
-//! Words out of bytes: what makes every decoder resumable at any byte.
+//! Words out of bytes, and words into bytes: what makes every decoder and encoder resumable at any byte.
 
+use super::time_high::{self, ClockOut};
 use crate::{Counters, Encoded, Event, Fault, Refused, Sink, Span, Trigger};
 
 /// The bytes of a word of `N` bytes whose rest is still to come.
@@ -40,6 +41,20 @@ impl<const N: usize> Carry<N> {
             self.len = 0;
         }
     }
+}
+
+/// Counts a word of so many bytes by what became of it; false for one that the sink did not take.
+#[inline]
+pub(super) fn count(taken: Result<bool, Fault>, bytes: usize, counters: &mut Counters) -> bool {
+    match taken {
+        Ok(true) => counters.bytes_decoded += bytes as u64,
+        Ok(false) => return false,
+        Err(fault) => {
+            counters.faults.count(fault);
+            counters.bytes_faulty += bytes as u64;
+        }
+    }
+    true
 }
 
 /// A decoder of words of `N` bytes.
@@ -117,17 +132,49 @@ impl<const N: usize> Held<N> {
 
 /// An encoder that goes word by word, each held until it is written.
 pub(super) trait Steps {
+    /// Types of words.
+    const TIME_HIGH: u32;
+    const EXT_TRIGGER: u32;
+
+    fn clock(&mut self) -> &mut ClockOut;
+
+    /// Holds a word that has no mask.
+    fn hold(&mut self, word: u32);
+
     /// Writes what is held to `out` from `at` on as far as it goes, and moves `at`. Whether nothing is left.
     fn write(&mut self, out: &mut [u8], at: &mut usize) -> bool;
 
     /// One step toward an event: it is taken (true), or a word that must come before it is held to be sent.
     fn step(&mut self, t: u64, event: Event) -> Result<bool, Refused>;
 
-    /// The same toward a trigger.
-    fn step_trigger(&mut self, trigger: Trigger) -> Result<bool, Refused>;
-
     /// Holds a word still open to be sent; whether there was one.
-    fn close(&mut self) -> bool;
+    #[inline]
+    fn close(&mut self) -> bool {
+        false
+    }
+
+    /// The same as [`step`](Self::step) toward a trigger.
+    fn step_trigger(&mut self, trigger: Trigger) -> Result<bool, Refused> {
+        let word = time_high::trigger_word(Self::EXT_TRIGGER, trigger)?;
+        let ready = self.ready(trigger.t)?;
+        if ready {
+            self.hold(word);
+        }
+        Ok(ready)
+    }
+
+    /// Whether a word of time `t` may come next; else the word that must come before it is held to be sent.
+    #[inline]
+    fn ready(&mut self, t: u64) -> Result<bool, Refused> {
+        if self.close() {
+            return Ok(false);
+        }
+        let time_high = self.clock().toward(t)?;
+        if let Some(reading) = time_high {
+            self.hold(Self::TIME_HIGH << 28 | reading as u32);
+        }
+        Ok(time_high.is_none())
+    }
 }
 
 /// [`Encode::encode`](crate::Encode::encode) for an encoder that goes word by word.

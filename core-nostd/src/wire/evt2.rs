@@ -41,10 +41,6 @@ const fn is_cd(word: u32) -> bool {
     kind(word) <= CD_ON
 }
 
-const fn time_low(word: u32) -> u32 {
-    (word >> 22) & 0x3F
-}
-
 /// The pixel and polarity of a CD word, as [`pack`] wants it.
 #[inline(always)]
 pub(super) const fn pixel(word: u32) -> u32 {
@@ -158,19 +154,11 @@ impl Decoder {
             OTHERS | CONTINUED => Ok(true),
             _ => Err(Fault::UnknownWord),
         };
-        match taken {
-            Ok(true) => self.counters.bytes_decoded += WORD_BYTES as u64,
-            Ok(false) => return false,
-            Err(fault) => {
-                self.counters.faults.count(fault);
-                self.counters.bytes_faulty += WORD_BYTES as u64;
-            }
-        }
-        true
+        carry::count(taken, WORD_BYTES, &mut self.counters)
     }
 
     fn cd(&mut self, word: u32, sink: &mut Sink<'_>) -> Result<bool, Fault> {
-        let t = self.clock.base().ok_or(Fault::BeforeTime)? | u64::from(time_low(word));
+        let t = self.clock.base().ok_or(Fault::BeforeTime)? | u64::from(time_high::time_low(word));
         let event = bytemuck::cast(pack(t as u32, pixel(word)));
         if !Limits::new(self.geometry).contain(word) {
             self.counters.off_sensor += 1;
@@ -255,15 +243,6 @@ impl Encoder {
     pub const fn new() -> Self {
         Self { clock: ClockOut::new(), held: Held::new() }
     }
-
-    /// Holds `word` of time `t`, or the TIME_HIGH it needs first; whether it was `word`.
-    #[inline]
-    fn hold(&mut self, t: u64, word: u32) -> Result<bool, Refused> {
-        let time_high = self.clock.toward(t)?;
-        let word = time_high.map_or(word, |reading| TIME_HIGH << 28 | reading as u32);
-        self.held.set(word.to_le_bytes());
-        Ok(time_high.is_none())
-    }
 }
 
 impl Default for Encoder {
@@ -273,6 +252,18 @@ impl Default for Encoder {
 }
 
 impl Steps for Encoder {
+    const TIME_HIGH: u32 = TIME_HIGH;
+    const EXT_TRIGGER: u32 = EXT_TRIGGER;
+
+    fn clock(&mut self) -> &mut ClockOut {
+        &mut self.clock
+    }
+
+    #[inline]
+    fn hold(&mut self, word: u32) {
+        self.held.set(word.to_le_bytes());
+    }
+
     #[inline]
     fn write(&mut self, out: &mut [u8], at: &mut usize) -> bool {
         self.held.write(out, at)
@@ -281,15 +272,11 @@ impl Steps for Encoder {
     #[inline]
     fn step(&mut self, t: u64, event: Event) -> Result<bool, Refused> {
         time_high::check_pixel(event)?;
-        self.hold(t, time_high::event_word(event.is_on() as u32, t, event))
-    }
-
-    fn step_trigger(&mut self, trigger: Trigger) -> Result<bool, Refused> {
-        self.hold(trigger.t, time_high::trigger_word(EXT_TRIGGER, trigger)?)
-    }
-
-    fn close(&mut self) -> bool {
-        false // each event has a word of its own
+        let ready = self.ready(t)?;
+        if ready {
+            self.hold(time_high::event_word(event.is_on() as u32, t, event));
+        }
+        Ok(ready)
     }
 }
 

@@ -23,6 +23,7 @@ mod tests;
 use super::carry::{self, Carry, Held, Steps, Words};
 use super::evt2::{Limits, pixel};
 use super::kernel::{Chosen, Done, Kernel};
+use super::mask::{self, Vector, Vectors};
 use super::steady::Steady;
 use super::time_high::{self, Clock, ClockOut};
 use crate::event::packed::{COLUMN, pack};
@@ -94,7 +95,7 @@ impl Word {
     }
 
     const fn time_low(self) -> u32 {
-        (self.head >> 22) & 0x3F
+        time_high::time_low(self.head)
     }
 
     const fn x(self) -> u16 {
@@ -226,15 +227,7 @@ impl Decoder {
             OTHERS | CONTINUED => Ok(true),
             _ => Err(Fault::UnknownWord),
         };
-        match taken {
-            Ok(true) => self.counters.bytes_decoded += WORD_BYTES as u64,
-            Ok(false) => return false,
-            Err(fault) => {
-                self.counters.faults.count(fault);
-                self.counters.bytes_faulty += WORD_BYTES as u64;
-            }
-        }
-        true
+        carry::count(taken, WORD_BYTES, &mut self.counters)
     }
 }
 
@@ -317,32 +310,6 @@ impl Decode for Decoder {
     }
 }
 
-/// A word still open: events that may join it are of its time, row, polarity and columns, and right of its last.
-#[derive(Clone, Copy, Debug)]
-struct Vector {
-    t: u64,
-    word: Word,
-}
-
-impl Vector {
-    const fn new(t: u64, event: Event) -> Self {
-        let (x, y) = (event.x() as u32, event.y() as u32);
-        let head = (event.is_on() as u32) << 28 | (t as u32 & 0x3F) << 22 | (x & !31) << 11 | y;
-        Self { t, word: Word { head, mask: 1 << (x & 31) } }
-    }
-
-    /// With the event, if it may join: order is kept, so only to the right.
-    #[inline]
-    const fn joined(self, t: u64, event: Event) -> Option<Self> {
-        let other = Self::new(t, event);
-        if self.t == t && self.word.head == other.word.head && self.word.mask < other.word.mask {
-            let mask = self.word.mask | other.word.mask;
-            return Some(Self { word: Word { mask, ..self.word }, ..self });
-        }
-        None
-    }
-}
-
 /// How many of these bytes a fresh decoder must take to know the time, as in [EVT 2.0](super::evt2).
 pub(super) fn settled(bytes: &[u8], order: WordOrder) -> Option<usize> {
     let words = bytes.as_chunks::<WORD_BYTES>().0.iter();
@@ -368,25 +335,24 @@ impl Encoder {
         Self { order, clock: ClockOut::new(), open: None, held: Held::new() }
     }
 
-    /// Whether a word of time `t` may come next; else the word that must come before it is held to be sent.
-    #[inline]
-    fn ready(&mut self, t: u64) -> Result<bool, Refused> {
-        if self.close() {
-            return Ok(false);
-        }
-        let time_high = self.clock.toward(t)?;
-        if let Some(reading) = time_high {
-            self.hold(Word { head: TIME_HIGH << 28 | reading as u32, mask: 0 });
-        }
-        Ok(time_high.is_none())
-    }
-
-    fn hold(&mut self, word: Word) {
+    fn hold_word(&mut self, word: Word) {
         self.held.set(word.to_bytes(self.order));
     }
 }
 
 impl Steps for Encoder {
+    const TIME_HIGH: u32 = TIME_HIGH;
+    const EXT_TRIGGER: u32 = EXT_TRIGGER;
+
+    fn clock(&mut self) -> &mut ClockOut {
+        &mut self.clock
+    }
+
+    #[inline]
+    fn hold(&mut self, head: u32) {
+        self.hold_word(Word { head, mask: 0 });
+    }
+
     #[inline]
     fn write(&mut self, out: &mut [u8], at: &mut usize) -> bool {
         self.held.write(out, at)
@@ -394,32 +360,25 @@ impl Steps for Encoder {
 
     #[inline]
     fn step(&mut self, t: u64, event: Event) -> Result<bool, Refused> {
-        time_high::check_pixel(event)?;
-        if let Some(joined) = self.open.and_then(|open| open.joined(t, event)) {
-            self.open = Some(joined);
-            return Ok(true);
-        }
-        let ready = self.ready(t)?;
-        if ready {
-            self.open = Some(Vector::new(t, event));
-        }
-        Ok(ready)
-    }
-
-    fn step_trigger(&mut self, trigger: Trigger) -> Result<bool, Refused> {
-        let head = time_high::trigger_word(EXT_TRIGGER, trigger)?;
-        let ready = self.ready(trigger.t)?;
-        if ready {
-            self.hold(Word { head, mask: 0 });
-        }
-        Ok(ready)
+        mask::step(self, t, event)
     }
 
     #[inline]
     fn close(&mut self) -> bool {
-        let Some(open) = self.open.take() else { return false };
-        self.hold(open.word);
+        let Some(Vector { t, first, mask }) = self.open.take() else { return false };
+        self.hold_word(Word { head: time_high::event_word(first.is_on() as u32, t, first), mask });
         true
+    }
+}
+
+impl Vectors for Encoder {
+    #[inline]
+    fn open(&mut self) -> &mut Option<Vector> {
+        &mut self.open
+    }
+
+    fn first_x(x: u16) -> u16 {
+        x & !(VECTOR_LEN as u16 - 1)
     }
 }
 

@@ -22,6 +22,7 @@ mod tests;
 
 use super::carry::{self, Carry, Held, Steps, Words};
 use super::evt21::{VECTOR_LEN, Word};
+use super::mask::{self, Vector, Vectors};
 use super::time_high::{self, Clock, ClockOut};
 use crate::{Counters, Decode, Encode, Encoded, Event, Fault, Geometry, Refused, Sink, Span, Trigger};
 
@@ -43,7 +44,7 @@ const fn kind(word: u32) -> u32 {
 }
 
 /// The events of a word and its mask, as EVT 2.1 has them.
-const fn vector(word: u32, mask: u32) -> Word {
+const fn masked(word: u32, mask: u32) -> Word {
     Word { head: (kind(word) & 1) << 28 | word & BELOW_KIND, mask }
 }
 
@@ -80,31 +81,25 @@ impl Decoder {
     #[inline]
     fn word(&mut self, word: u32, sink: &mut Sink<'_>) -> bool {
         let (taken, words) = match self.open {
-            Some(head) => (self.events(vector(head, word), sink), 2),
+            Some(head) => (self.events(masked(head, word), sink), 2),
             None if matches!(kind(word), CD_VEC_OFF | CD_VEC_ON) => {
                 self.open = Some(word);
                 return true;
             }
             None => (self.single(word, sink), 1),
         };
-        let bytes = words * WORD_BYTES as u64;
-        match taken {
-            Ok(true) => self.counters.bytes_decoded += bytes,
-            Ok(false) => return false,
-            Err(fault) => {
-                self.counters.faults.count(fault);
-                self.counters.bytes_faulty += bytes;
-            }
+        let is_taken = carry::count(taken, words * WORD_BYTES, &mut self.counters);
+        if is_taken {
+            self.open = None;
         }
-        self.open = None;
-        true
+        is_taken
     }
 
     /// Takes a word that is no part of a vector.
     #[inline]
     fn single(&mut self, word: u32, sink: &mut Sink<'_>) -> Result<bool, Fault> {
         match kind(word) {
-            CD_OFF | CD_ON => self.events(vector(word, 1), sink),
+            CD_OFF | CD_ON => self.events(masked(word, 1), sink),
             TIME_HIGH => {
                 self.clock.time_high(word.into());
                 Ok(true)
@@ -180,34 +175,6 @@ impl Decode for Decoder {
     }
 }
 
-/// Events still to be sent together: they are of one time, row and polarity, by rising x, within 32 columns.
-#[derive(Clone, Copy, Debug)]
-struct Vector {
-    t: u64,
-    first: Event,
-    mask: u32,
-}
-
-impl Vector {
-    /// With the event, if it may join.
-    #[inline]
-    fn joined(self, t: u64, event: Event) -> Option<Self> {
-        let alike = self.t == t && self.first.y() == event.y() && self.first.is_on() == event.is_on();
-        let column = u32::from(event.x().checked_sub(self.first.x())?);
-        let bit = 1u32.checked_shl(column)?;
-        (alike && self.mask < bit).then_some(Self { mask: self.mask | bit, ..self })
-    }
-
-    /// The type of its word, and the mask, if it takes one.
-    #[inline]
-    const fn kind(self) -> (u32, Option<u32>) {
-        match self.mask {
-            1 => (CD_OFF, None),
-            mask => (CD_VEC_OFF, Some(mask)),
-        }
-    }
-}
-
 /// Events to EVT 4.0 bytes. Events that follow each other by rising x within 32 columns make a vector.
 ///
 /// Keeps order, absolute time (up to 2^40 µs at the start) and silent gaps of any length, at two TIME_HIGH words at
@@ -225,19 +192,6 @@ impl Encoder {
     pub const fn new() -> Self {
         Self { clock: ClockOut::new(), open: None, held: Held::new(), held_mask: Held::new() }
     }
-
-    /// Whether a word of time `t` may come next; else the word that must come before it is held to be sent.
-    #[inline]
-    fn ready(&mut self, t: u64) -> Result<bool, Refused> {
-        if self.close() {
-            return Ok(false);
-        }
-        let time_high = self.clock.toward(t)?;
-        if let Some(reading) = time_high {
-            self.held.set((TIME_HIGH << 28 | reading as u32).to_le_bytes());
-        }
-        Ok(time_high.is_none())
-    }
 }
 
 impl Default for Encoder {
@@ -247,6 +201,18 @@ impl Default for Encoder {
 }
 
 impl Steps for Encoder {
+    const TIME_HIGH: u32 = TIME_HIGH;
+    const EXT_TRIGGER: u32 = EXT_TRIGGER;
+
+    fn clock(&mut self) -> &mut ClockOut {
+        &mut self.clock
+    }
+
+    #[inline]
+    fn hold(&mut self, word: u32) {
+        self.held.set(word.to_le_bytes());
+    }
+
     #[inline]
     fn write(&mut self, out: &mut [u8], at: &mut usize) -> bool {
         self.held.write(out, at) && self.held_mask.write(out, at)
@@ -254,37 +220,30 @@ impl Steps for Encoder {
 
     #[inline]
     fn step(&mut self, t: u64, event: Event) -> Result<bool, Refused> {
-        time_high::check_pixel(event)?;
-        if let Some(joined) = self.open.and_then(|open| open.joined(t, event)) {
-            self.open = Some(joined);
-            return Ok(true);
-        }
-        let ready = self.ready(t)?;
-        if ready {
-            self.open = Some(Vector { t, first: event, mask: 1 });
-        }
-        Ok(ready)
-    }
-
-    fn step_trigger(&mut self, trigger: Trigger) -> Result<bool, Refused> {
-        let word = time_high::trigger_word(EXT_TRIGGER, trigger)?;
-        let ready = self.ready(trigger.t)?;
-        if ready {
-            self.held.set(word.to_le_bytes());
-        }
-        Ok(ready)
+        mask::step(self, t, event)
     }
 
     #[inline]
     fn close(&mut self) -> bool {
-        let Some(open) = self.open.take() else { return false };
-        let (kind, mask) = open.kind();
-        let word = time_high::event_word(kind | open.first.is_on() as u32, open.t, open.first);
-        self.held.set(word.to_le_bytes());
-        if let Some(mask) = mask {
+        let Some(Vector { t, first, mask }) = self.open.take() else { return false };
+        let is_one = mask == 1;
+        let kind = if is_one { CD_OFF } else { CD_VEC_OFF };
+        self.hold(time_high::event_word(kind | first.is_on() as u32, t, first));
+        if !is_one {
             self.held_mask.set(mask.to_le_bytes());
         }
         true
+    }
+}
+
+impl Vectors for Encoder {
+    #[inline]
+    fn open(&mut self) -> &mut Option<Vector> {
+        &mut self.open
+    }
+
+    fn first_x(x: u16) -> u16 {
+        x
     }
 }
 

@@ -11,6 +11,7 @@ pub mod evt21;
 pub mod evt3;
 pub mod evt4;
 mod kernel;
+mod mask;
 mod steady;
 
 #[cfg(test)]

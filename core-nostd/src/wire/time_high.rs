@@ -1,5 +1,5 @@
-//! What EVT 2.0, 2.1 and 4.0 share: where a word has its fields, and the time: 34 bits of µs, of which a TIME_HIGH word tells the upper 28 and each event the
-//! lower 6. 34 bits wrap after 4 h 46 min; [`Unwrap`] makes them 64.
+//! What EVT 2.0, 2.1 and 4.0 share: where a word has its fields, and the time. That is 34 bits of µs, of which a TIME_HIGH
+//! word tells the upper 28 and each event the lower 6. 34 bits wrap after 4 h 46 min; [`Unwrap`] makes them 64.
 
 use crate::{Counters, Event, Fault, Polarity, Refused, Sink, Trigger, Unwrap, full_time};
 
@@ -17,6 +17,12 @@ const CHANNEL_MAX: u8 = 0x1F;
 
 const fn low(t: u64) -> u32 {
     (t as u32 & 0x3F) << 22
+}
+
+/// The low bits of a word's time.
+#[inline(always)]
+pub(super) const fn time_low(word: u32) -> u32 {
+    word >> 22 & 0x3F
 }
 
 /// Whether an event's pixel can be told.
@@ -139,7 +145,7 @@ impl Clock {
         counters: &mut Counters,
         sink: &mut Sink<'_>,
     ) -> Result<bool, Fault> {
-        let t = self.base().ok_or(Fault::BeforeTime)? | u64::from(word >> 22 & 0x3F);
+        let t = self.base().ok_or(Fault::BeforeTime)? | u64::from(time_low(word));
         let trigger = Trigger {
             t,
             ordinal: counters.events - counters.off_sensor,

@@ -1,9 +1,10 @@
 //! Steady stretches of 8 words at a time: nothing but shifts, masks and one subtraction per word, so that it vectorises.
 
-use super::{Limits, Steady, WORD_BYTES, is_cd, pixel, time_low};
+use super::{Limits, Steady, WORD_BYTES, is_cd, pixel};
 use crate::Event;
 use crate::event::packed::pack;
 use crate::wire::kernel::Done;
+use crate::wire::time_high::time_low;
 
 /// Words decoded at a time, without a branch between them.
 const LANES: usize = 8;
