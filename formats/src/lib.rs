@@ -16,6 +16,11 @@
 //! blocks, index, slices, summary, rebasing and checks come from that. Memory is bounded by [`Limits`] whatever the
 //! file says or how long it is.
 
+#![cfg_attr(
+    not(all(feature = "aedat4", feature = "hdf5", feature = "ros", feature = "tables")),
+    allow(dead_code, reason = "what families share is more than a build with few of them needs")
+)]
+
 mod aedat2;
 #[cfg(feature = "aedat4")]
 mod aedat31;

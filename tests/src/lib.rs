@@ -1,6 +1,7 @@
-//! What the tests of every crate share: where the real recordings are.
+//! What the tests of every crate share: where the real recordings are, and Python with other libraries.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// The file `name` of the shared recordings: in `$LOBULA_SHARED/data`, else in `../shared/data` beside the repository.
 ///
@@ -26,6 +27,28 @@ pub fn data(name: &str) -> Option<PathBuf> {
 
 fn beside_the_repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared")
+}
+
+/// The interpreter of a Python environment with these packages and no other, made in `folder` (a test's
+/// `CARGO_TARGET_TMPDIR` and a name) at the first run, and again when the list changes.
+///
+/// # Panics
+/// Where Python 3 with venv or the package index is missing.
+pub fn python(folder: &Path, packages: &[&str]) -> PathBuf {
+    let (python, list) = (folder.join("bin/python"), folder.join("packages"));
+    let wanted = packages.join("\n");
+    if std::fs::read_to_string(&list).is_ok_and(|made| made == wanted) {
+        return python;
+    }
+    let mut make = Command::new("python3");
+    make.args(["-m", "venv", "--clear"]).arg(folder);
+    let mut install = Command::new(&python);
+    install.args(["-m", "pip", "install", "--quiet", "--no-deps", "--only-binary", ":all:"]).args(packages);
+    for mut step in [make, install] {
+        assert!(step.status().is_ok_and(|status| status.success()), "{step:?}");
+    }
+    std::fs::write(&list, wanted).expect("the environment's folder was made above");
+    python
 }
 
 /// The README's examples are compiled with the tests.

@@ -297,25 +297,8 @@ fn frame_line(frame: &Frame) -> String {
 
 /// The interpreter of an environment with the packages; the first test that needs it makes it.
 fn python() -> PathBuf {
-    static PYTHON: LazyLock<PathBuf> = LazyLock::new(environment);
+    static PYTHON: LazyLock<PathBuf> = LazyLock::new(|| {
+        lobula_tests::python(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("peers"), PACKAGES)
+    });
     PYTHON.clone()
-}
-
-/// Makes the environment at the first run, and again when the list changes.
-fn environment() -> PathBuf {
-    let environment = Path::new(env!("CARGO_TARGET_TMPDIR")).join("peers");
-    let (python, list) = (environment.join("bin/python"), environment.join("packages"));
-    let wanted = PACKAGES.join("\n");
-    if std::fs::read_to_string(&list).is_ok_and(|made| made == wanted) {
-        return python;
-    }
-    let mut make = Command::new("python3");
-    make.args(["-m", "venv", "--clear"]).arg(&environment);
-    let mut install = Command::new(&python);
-    install.args(["-m", "pip", "install", "--quiet", "--no-deps", "--only-binary", ":all:"]).args(PACKAGES);
-    for mut step in [make, install] {
-        assert!(step.status().unwrap().success(), "{step:?}");
-    }
-    std::fs::write(&list, wanted).unwrap();
-    python
 }
