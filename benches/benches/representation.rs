@@ -15,7 +15,7 @@ fn representation(c: &mut Criterion) {
     macro_rules! each {
         ($($variant:ident $kind:ident $type:ty;)*) => {
             $({
-                let state = vec![0; <$type as Build<Vec<u32>>>::state_len(scene.geometry)];
+                let state = vec![0; <$type as Build<Vec<u32>>>::state_len(&Parameters::default(), scene.geometry)];
                 let mut made =
                     <$type as Build<Vec<u32>>>::build(&Parameters::default(), scene.geometry, state).expect("defaults serve");
                 let mut out = vec![<$type as Representation>::Pixel::zeroed(); made.shape().len()];

@@ -11,62 +11,60 @@ use alloc::vec::Vec;
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
-use crate::representation::{BadRepresentation, Build, Dtype, Kind, Parameters, Pixel};
+use crate::representation::{BadRepresentation, Build, Dtype, Kind, Parameters, Pixel, for_each_parameter};
 use crate::{
     BadPeriod, Closed, Geometry, Piece, Representation, Shape, Slicer, Span, Window, WrongGeometry,
     for_each_representation,
 };
 
-/// Settings of a view. Keys that are unknown or mean nothing to the kind are errors.
-///
-/// ```
-/// use lobula_core::Geometry;
-/// use lobula_core::chain::{View, ViewSpec};
-/// let spec: ViewSpec = serde_json::from_str(r#"{"name": "vox", "kind": "voxel_grid", "period_us": 10000}"#)?;
-/// let view = View::try_new(&spec, Geometry::new(1280, 720))?;
-/// assert_eq!(view.len_bytes(), 5 * 720 * 1280 * 4);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ViewSpec {
-    /// Name under which it is published.
-    pub name: String,
-    /// What kind of tensor.
-    pub kind: Kind,
-    /// Length of its windows in µs, 1 to 2^30 - 1; they begin at multiples of it.
-    pub period_us: u32,
-    /// Type of element; default u8 for counts, f32 else.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub dtype: Option<Dtype>,
-    /// Bins of a voxel grid; default 5.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bins: Option<u16>,
-    /// Decay of a time surface in µs, 1 to 2^25; default 30000.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub tau_us: Option<u32>,
+macro_rules! view_spec {
+    ($($(#[$doc:meta])* $key:ident: $type:ty = $default:expr, $($kind:ident)*;)*) => {
+        /// Settings of a view. Keys that are unknown or mean nothing to the kind are errors.
+        ///
+        /// ```
+        /// use lobula_core::Geometry;
+        /// use lobula_core::chain::{View, ViewSpec};
+        /// let spec: ViewSpec = serde_json::from_str(r#"{"name": "vox", "kind": "voxel_grid", "period_us": 10000}"#)?;
+        /// let view = View::try_new(&spec, Geometry::new(1280, 720))?;
+        /// assert_eq!(view.len_bytes(), 5 * 720 * 1280 * 4);
+        /// # Ok::<(), Box<dyn std::error::Error>>(())
+        /// ```
+        #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct ViewSpec {
+            /// Name under which it is published.
+            pub name: String,
+            /// What kind of tensor.
+            pub kind: Kind,
+            /// Length of its windows in µs, 1 to 2^30 - 1; they begin at multiples of it.
+            pub period_us: u32,
+            /// Type of element; default u8 for counts, f32 else.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub dtype: Option<Dtype>,
+            $($(#[$doc])* #[serde(default, skip_serializing_if = "Option::is_none")] pub $key: Option<$type>,)*
+        }
+
+        impl ViewSpec {
+            /// A view with the defaults of its kind.
+            pub fn new(name: impl Into<String>, kind: Kind, period_us: u32) -> Self {
+                Self { name: name.into(), kind, period_us, dtype: None, $($key: None,)* }
+            }
+
+            fn parameters(&self) -> Result<Parameters, BadView> {
+                let (kind, mut parameters) = (self.kind, Parameters::default());
+                $(if let Some(value) = self.$key {
+                    if ![$(Kind::$kind),*].contains(&kind) {
+                        return Err(BadView::NotForKind { key: stringify!($key), kind });
+                    }
+                    parameters.$key = value;
+                })*
+                Ok(parameters)
+            }
+        }
+    };
 }
 
-impl ViewSpec {
-    /// A view with the defaults of its kind.
-    pub fn new(name: impl Into<String>, kind: Kind, period_us: u32) -> Self {
-        Self { name: name.into(), kind, period_us, dtype: None, bins: None, tau_us: None }
-    }
-
-    fn parameters(&self) -> Result<Parameters, BadView> {
-        let (kind, default) = (self.kind, Parameters::default());
-        if self.bins.is_some() && kind != Kind::VoxelGrid {
-            return Err(BadView::NotForKind { key: "bins", kind });
-        }
-        if self.tau_us.is_some() && kind != Kind::TimeSurface {
-            return Err(BadView::NotForKind { key: "tau_us", kind });
-        }
-        Ok(Parameters {
-            bins: self.bins.unwrap_or(default.bins),
-            tau_us: self.tau_us.unwrap_or(default.tau_us),
-        })
-    }
-}
+for_each_parameter!(view_spec);
 
 /// Why settings make no view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -305,7 +303,7 @@ macro_rules! any_representation {
             ) -> Result<Self, BadView> {
                 $(
                     if kind == Kind::$kind && dtype == <$type as Representation>::Pixel::DTYPE {
-                        let state = state(<$type as Build<State>>::state_len(geometry))?;
+                        let state = state(<$type as Build<State>>::state_len(parameters, geometry))?;
                         return <$type>::build(parameters, geometry, state)
                             .map(Self::$variant)
                             .map_err(BadView::Representation);
@@ -448,7 +446,7 @@ mod tests {
 
     #[test]
     fn every_kind_and_type_gives_the_same_bytes_in_any_split() {
-        for kind in [Kind::Count, Kind::PolarityHistogram, Kind::VoxelGrid, Kind::TimeSurface] {
+        for kind in Kind::ALL.iter().copied() {
             dtypes(kind, |dtype| {
                 let spec = ViewSpec { dtype: Some(dtype), ..ViewSpec::new("v", kind, 7_000) };
                 let whole = tensors(&spec, 5_000);

@@ -73,7 +73,7 @@ fn add<P: Tally>(geometry: Geometry, events: &[Event], out: &mut [P]) -> u64 {
 }
 
 impl<P: Tally, S> Build<S> for Count<P> {
-    fn state_len(_: Geometry) -> usize {
+    fn state_len(_: &Parameters, _: Geometry) -> usize {
         0
     }
 

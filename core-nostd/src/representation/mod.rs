@@ -11,18 +11,25 @@
 
 mod count;
 mod index;
+mod parameters;
 mod pixel;
 mod polarity_histogram;
 mod time_surface;
 mod voxel_grid;
 
 pub use count::Count;
+pub use parameters::Parameters;
+#[cfg(all(feature = "alloc", feature = "serde"))]
+pub(crate) use parameters::for_each_parameter;
 pub use pixel::{Dtype, Pixel, Real, Tally};
 pub use polarity_histogram::PolarityHistogram;
 pub use time_surface::TimeSurface;
 pub use voxel_grid::VoxelGrid;
 
 use crate::{Geometry, Representation, Span, WrongGeometry};
+
+// A new representation is a file with its type and `Build`, the lines for it in the table above, here and in `kinds!`
+// below, and for each new setting a line in `parameters.rs`.
 
 /// Every representation, in every type of element: the one list that the host's views and the no-panic proof are
 /// made from. Calls the macro `$then` with lines of `Variant Kind Type;`, the types over memory of type `$state`.
@@ -43,54 +50,46 @@ macro_rules! for_each_representation {
     };
 }
 
-/// What kind of tensor: the name in settings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
-pub enum Kind {
+/// Lines of `Kind, name in settings, dtype;`, each under its docs.
+macro_rules! kinds {
+    ($($(#[$doc:meta])* $kind:ident, $name:literal, $dtype:ident;)*) => {
+        /// What kind of tensor: the name in settings.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+        pub enum Kind {
+            $($(#[$doc])* #[cfg_attr(feature = "serde", serde(rename = $name))] $kind,)*
+        }
+
+        impl Kind {
+            /// All there are.
+            pub const ALL: &[Self] = &[$(Self::$kind),*];
+
+            /// Its name in settings.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$kind => $name,)*
+                }
+            }
+
+            /// The type of element when none is asked for: the smallest that serves.
+            pub const fn dtype(self) -> Dtype {
+                match self {
+                    $(Self::$kind => Dtype::$dtype,)*
+                }
+            }
+        }
+    };
+}
+
+kinds! {
     /// [`Count`].
-    Count,
+    Count, "count", U8;
     /// [`PolarityHistogram`].
-    PolarityHistogram,
+    PolarityHistogram, "polarity_histogram", U8;
     /// [`VoxelGrid`].
-    VoxelGrid,
+    VoxelGrid, "voxel_grid", F32;
     /// [`TimeSurface`].
-    TimeSurface,
-}
-
-impl Kind {
-    /// Its name in settings.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Count => "count",
-            Self::PolarityHistogram => "polarity_histogram",
-            Self::VoxelGrid => "voxel_grid",
-            Self::TimeSurface => "time_surface",
-        }
-    }
-
-    /// The type of element when none is asked for: the smallest that serves.
-    pub const fn dtype(self) -> Dtype {
-        match self {
-            Self::Count | Self::PolarityHistogram => Dtype::U8,
-            Self::VoxelGrid | Self::TimeSurface => Dtype::F32,
-        }
-    }
-}
-
-/// Parameters of any representation; each takes those it knows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct Parameters {
-    /// Bins of a [`VoxelGrid`], at least 1. Default 5.
-    pub bins: u16,
-    /// Decay of a [`TimeSurface`] in µs, 1 to 2^25. Default 30000.
-    pub tau_us: u32,
-}
-
-impl Default for Parameters {
-    fn default() -> Self {
-        Self { bins: 5, tau_us: 30_000 }
-    }
+    TimeSurface, "time_surface", F32;
 }
 
 /// Why a representation cannot be made.
@@ -105,6 +104,15 @@ pub enum BadRepresentation {
     TauUs {
         /// What was asked for.
         found: u32,
+    },
+    /// A parameter out of its range.
+    Parameter {
+        /// Its name in settings.
+        key: &'static str,
+        /// What was asked for.
+        found: u64,
+        /// What it may be, with the unit.
+        range: &'static str,
     },
     /// The state's memory has another length than the representation needs.
     StateLen {
@@ -124,6 +132,9 @@ impl core::fmt::Display for BadRepresentation {
             Self::TauUs { found } => {
                 write!(f, "tau_us = {found} is not a decay: give 1 to {} µs", time_surface::TAU_US_MAX)
             }
+            Self::Parameter { key, found, range } => {
+                write!(f, "{key} = {found} is out of range: give {range}")
+            }
             Self::StateLen { expected, found } => {
                 write!(f, "memory of {found} elements was given where {expected} are needed")
             }
@@ -135,8 +146,9 @@ impl core::error::Error for BadRepresentation {}
 
 /// A representation made the same way as all others: from parameters and memory for its state.
 pub trait Build<S>: Representation + Sized {
-    /// Elements of state it needs: the required length of `S`.
-    fn state_len(geometry: Geometry) -> usize;
+    /// Elements of state it needs: the required length of `S`. Of parameters that [`build`](Self::build) would refuse,
+    /// anything.
+    fn state_len(parameters: &Parameters, geometry: Geometry) -> usize;
 
     /// Makes it. `state` may hold anything; those that need none drop it.
     fn build(parameters: &Parameters, geometry: Geometry, state: S) -> Result<Self, BadRepresentation>;

@@ -181,7 +181,7 @@ fn decay<P: Real>(now: u32, tau_us: u32, map: &[u32], out: &mut [P]) {
 }
 
 impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> Build<S> for TimeSurface<P, S> {
-    fn state_len(geometry: Geometry) -> usize {
+    fn state_len(_: &Parameters, geometry: Geometry) -> usize {
         Self::state_len(geometry)
     }
 

@@ -150,7 +150,7 @@ impl Draw for Sharing {
 }
 
 impl<S> Build<S> for VoxelGrid {
-    fn state_len(_: Geometry) -> usize {
+    fn state_len(_: &Parameters, _: Geometry) -> usize {
         0
     }
 

@@ -240,7 +240,7 @@ macro_rules! laws_of_all {
                 use super::*;
 
                 fn build(geometry: Geometry) -> $type {
-                    let state = vec![0x5A5A_5A5A; <$type as Build<Vec<u32>>>::state_len(geometry)];
+                    let state = vec![0x5A5A_5A5A; <$type as Build<Vec<u32>>>::state_len(&parameters(), geometry)];
                     <$type>::build(&parameters(), geometry, state).unwrap()
                 }
 

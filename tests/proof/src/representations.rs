@@ -24,8 +24,8 @@ unsafe fn make<R: Build<State>>(
     Ok(shape)
 }
 
-fn lens<R: Build<State>>(geometry: Geometry, shape: Shape) -> (usize, usize) {
-    (R::state_len(geometry), shape.len())
+fn lens<R: Build<State>>(parameters: &Parameters, geometry: Geometry, shape: Shape) -> (usize, usize) {
+    (R::state_len(parameters, geometry), shape.len())
 }
 
 unsafe fn begin<R: Representation>(stage: *mut R, window: Window, out: (*mut R::Pixel, usize)) {
