@@ -34,9 +34,10 @@ impl Options {
 }
 
 fn op(name: &str) -> Result<Op, String> {
-    let names = Op::ALL.map(Op::name).join(", ");
+    let names = Op::ALL.iter().map(|op| op.name()).collect::<Vec<_>>().join(", ");
     Op::ALL
-        .into_iter()
+        .iter()
+        .copied()
         .find(|op| op.name() == name)
         .ok_or(format!("{name} is no operation; there are {names}"))
 }
@@ -63,7 +64,7 @@ fn report(options: &Options) -> Result<(), String> {
     if !options.json {
         println!("{}", heading());
     }
-    for op in Op::ALL.into_iter().filter(|op| options.only.is_none_or(|only| only == *op)) {
+    for op in Op::ALL.iter().filter(|op| options.only.is_none_or(|only| only == **op)) {
         for contest in op.contests(&scene, peer.as_deref())? {
             let line = contest.run(options.rounds)?;
             println!("{}", if options.json { json(&line)? } else { row(&line) });

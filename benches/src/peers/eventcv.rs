@@ -9,7 +9,8 @@ use std::path::PathBuf;
 use eventcv_core::io::{EventConsumer, EvtVersion, LoadOptions, SliceSource};
 use eventcv_core::io::{decode_words, open_raw_slice, read_raw};
 use eventcv_core::representation::{
-    EventFrame, EventFrameData, Polarity, PolarityAccumulator, Representation, TimeSurface, VoxelGrid,
+    EventFrame, EventFrameData, Polarity, PolarityAccumulator, Representation, RepresentationError,
+    TimeSurface, VoxelGrid,
 };
 use eventcv_core::{EventStream, EventStreamBuilder};
 use lobula_core::Event;
@@ -109,55 +110,71 @@ impl EventCv {
             black_box(&counts);
             stream.len() as u64
         });
-        vec![peer("PolarityAccumulator, reset and filled again", again), self.framed(Op::Polarity)]
+        let again = peer("PolarityAccumulator, reset and filled again", again);
+        self.making(Op::Polarity).into_iter().chain([again]).collect()
     }
 
-    /// The tensor made anew, which is its only way but for polarity.
-    fn framed(&self, op: Op) -> Peer<'_> {
-        let call = match op {
-            Op::Polarity => "Polarity::generate",
-            Op::Voxel5 => "VoxelGrid::generate",
-            _ => "TimeSurface::generate",
-        };
-        peer(call, Box::new(move || black_box(self.frame(op)).map_or(0, |_| self.tensor.len() as u64)))
-    }
-
-    fn frame(&self, op: Op) -> Option<EventFrame> {
-        match op {
-            Op::Polarity => Polarity::new(false).generate(&self.tensor).ok(),
-            Op::Voxel5 => VoxelGrid::new(op::voxel5::BINS.into(), self.window_ms).generate(&self.tensor).ok(),
-            Op::TimeSurface => {
+    /// What it does for an operation of one call, which makes everything anew: its only way but for polarity.
+    fn made(&self, op: Op) -> Option<Made> {
+        Some(match op {
+            Op::Polarity => frame("Polarity::generate", |own| Polarity::new(false).generate(&own.tensor)),
+            Op::Voxel5 => frame("VoxelGrid::generate", |own| {
+                VoxelGrid::new(op::voxel5::BINS.into(), own.window_ms).generate(&own.tensor)
+            }),
+            Op::TimeSurface => frame("TimeSurface::generate", |own| {
                 let tau_ms = op::time_surface::TAU_US as f64 * MILLISECONDS_OF_A_MICROSECOND;
-                TimeSurface::new(tau_ms).generate(&self.tensor).ok()
+                TimeSurface::new(tau_ms).generate(&own.tensor)
+            }),
+            Op::Refractory => {
+                stream("refractory_filter", |all| all.refractory_filter(op::refractory::PERIOD_US.into()))
             }
-            _ => None,
-        }
+            Op::BackgroundActivity => stream("background_activity_filter", |all| {
+                all.background_activity_filter(op::background_activity::WITHIN_US.into())
+            }),
+            Op::HotPixel => {
+                stream("hot_pixel_filter", |all| all.hot_pixel_filter(op::hot_pixel::SIGMAS.into()))
+            }
+            Op::Evt3Decode | Op::Evt2Decode | Op::Evt21Decode => return None,
+        })
     }
 
-    /// The stream filtered anew, which is its only way.
-    fn filtered(&self, op: Op, protocol: Protocol) -> Peer<'_> {
+    fn making(&self, op: Op) -> Option<Peer<'_>> {
+        let Made { call, work } = self.made(op)?;
+        Some(match work {
+            Making::Frame(make) => {
+                peer(call, Box::new(move || black_box(make(self)).map_or(0, |_| self.tensor.len() as u64)))
+            }
+            Making::Stream(make) => peer(call, Box::new(move || black_box(make(&self.stream)).len() as u64)),
+        })
+    }
+
+    /// The events of a mask learnt before.
+    fn masked(&self) -> Peer<'_> {
         let mask = self.stream.hot_pixel_mask(op::hot_pixel::SIGMAS.into());
-        let (call, filter): (_, Box<dyn Fn() -> EventStream>) = match (op, protocol) {
-            (Op::Refractory, _) => ("refractory_filter", Box::new(move || self.kept(op))),
-            (Op::BackgroundActivity, _) => ("background_activity_filter", Box::new(move || self.kept(op))),
-            (_, Protocol::Whole) => ("hot_pixel_filter", Box::new(move || self.kept(op))),
-            (_, Protocol::Stream) => {
-                ("drop_masked_pixels", Box::new(move || self.stream.drop_masked_pixels(&mask)))
-            }
-        };
-        peer(call, Box::new(move || black_box(filter()).len() as u64))
+        let masked = move || black_box(self.stream.drop_masked_pixels(&mask)).len() as u64;
+        peer("drop_masked_pixels", Box::new(masked))
     }
+}
 
-    fn kept(&self, op: Op) -> EventStream {
-        match op {
-            Op::Refractory => self.stream.refractory_filter(op::refractory::PERIOD_US.into()),
-            Op::BackgroundActivity => {
-                self.stream.background_activity_filter(op::background_activity::WITHIN_US.into())
-            }
-            Op::HotPixel => self.stream.hot_pixel_filter(op::hot_pixel::SIGMAS.into()),
-            _ => self.stream.clone(),
-        }
-    }
+/// A call of its, and what it makes.
+struct Made {
+    call: &'static str,
+    work: Making,
+}
+
+enum Making {
+    /// Of the events of a tensor.
+    Frame(fn(&EventCv) -> Result<EventFrame, RepresentationError>),
+    /// Of all events.
+    Stream(fn(&EventStream) -> EventStream),
+}
+
+fn frame(call: &'static str, make: fn(&EventCv) -> Result<EventFrame, RepresentationError>) -> Made {
+    Made { call, work: Making::Frame(make) }
+}
+
+fn stream(call: &'static str, make: fn(&EventStream) -> EventStream) -> Made {
+    Made { call, work: Making::Stream(make) }
 }
 
 impl Library for EventCv {
@@ -166,9 +183,9 @@ impl Library for EventCv {
             (Op::Evt3Decode, Protocol::Whole) => self.decode_whole(),
             (Op::Evt3Decode, Protocol::Stream) => self.decode_stream(),
             (Op::Polarity, Protocol::Stream) => self.polarity_stream(),
-            (Op::Polarity | Op::Voxel5 | Op::TimeSurface, _) => vec![self.framed(op)],
-            (Op::Refractory | Op::BackgroundActivity | Op::HotPixel, _) => vec![self.filtered(op, protocol)],
-            (Op::Evt2Decode | Op::Evt21Decode, _) => Vec::new(), // see `decoders`
+            (Op::HotPixel, Protocol::Stream) => vec![self.masked()],
+            // Of the decoders of other formats see `decoders`.
+            _ => self.making(op).into_iter().collect(),
         }
     }
 
@@ -188,13 +205,20 @@ impl Library for EventCv {
     }
 
     fn events(&self, op: Op) -> Vec<Event> {
-        events_of(&self.kept(op))
+        match self.made(op).map(|made| made.work) {
+            Some(Making::Stream(make)) => events_of(&make(&self.stream)),
+            Some(Making::Frame(_)) => Vec::new(),
+            None => events_of(&self.stream),
+        }
     }
 
     fn tensor(&self, op: Op) -> Vec<f32> {
-        match self.frame(op).map(EventFrame::into_data) {
-            Some(EventFrameData::U64(values)) => values.into_iter().map(|v| v as f32).collect(),
-            Some(EventFrameData::F32(values)) => values,
+        let Some(Making::Frame(make)) = self.made(op).map(|made| made.work) else { return Vec::new() };
+        match make(self).map(EventFrame::into_data) {
+            Ok(EventFrameData::U8(values)) => values.into_iter().map(f32::from).collect(),
+            Ok(EventFrameData::U16(values)) => values.into_iter().map(f32::from).collect(),
+            Ok(EventFrameData::U64(values)) => values.into_iter().map(|v| v as f32).collect(),
+            Ok(EventFrameData::F32(values)) => values,
             _ => Vec::new(),
         }
     }

@@ -17,7 +17,7 @@ pub trait Library {
     /// Its ways of doing `op`; the quickest counts.
     fn ways(&self, op: Op, protocol: Protocol) -> Vec<Peer<'_>>;
 
-    /// The events it decodes, or keeps; times modulo 2^32. Empty for an operation that gives a tensor.
+    /// The events it decodes, or that its call makes of them; times modulo 2^32. Empty for an operation that gives a tensor.
     fn events(&self, op: Op) -> Vec<Event>;
 
     /// Its ways of decoding a stream of a format beside EVT3.
