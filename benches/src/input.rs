@@ -11,7 +11,7 @@ use crate::wire::{Wire, decode};
 
 /// Events the decoder and filters are measured on.
 pub const EVENTS: usize = 20_000_000;
-/// Events a tensor is measured on.
+/// Events a tensor is measured on, if nothing else is asked.
 pub const TENSOR_EVENTS: usize = 1_220_000;
 /// Events of a packet in the `stream` protocol.
 pub const PACKET_EVENTS: usize = 4096;
@@ -30,6 +30,8 @@ pub struct Scene {
     pub events: Vec<Event>,
     /// Full time of the first event, in µs.
     pub t_first: u64,
+    /// How many events, from the first, a tensor is measured on.
+    pub tensor_events: usize,
     /// The window of the tensors: from their first event to their newest, as peers count ages from the newest event.
     pub tensor_window: Window,
     /// Where it comes from, in words for the report.
@@ -50,6 +52,14 @@ impl Scene {
         }
     }
 
+    /// The same with tensors of the first `events` events.
+    pub fn with_tensor_events(mut self, events: usize) -> Self {
+        let times = self.events.iter().take(events).map(|e| lobula_core::full_time(self.t_first, e.t()));
+        self.tensor_window = Window { t0: self.t_first, t1: times.max().unwrap_or(self.t_first) };
+        self.tensor_events = events.min(self.events.len());
+        self
+    }
+
     fn repeated(path: &Path, events: usize) -> Result<Self, String> {
         let file = std::fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
         let words = words_after_header(&file);
@@ -67,9 +77,9 @@ impl Scene {
     }
 
     fn new(bytes: Vec<u8>, geometry: Geometry, events: Vec<Event>, t_first: u64, source: String) -> Self {
-        let times = events.iter().take(TENSOR_EVENTS).map(|e| lobula_core::full_time(t_first, e.t()));
-        let tensor_window = Window { t0: t_first, t1: times.max().unwrap_or(t_first) };
-        Self { bytes, geometry, events, t_first, tensor_window, source, wires: Default::default() }
+        let (tensor_window, wires) = (Window { t0: t_first, t1: t_first }, Default::default());
+        Self { bytes, geometry, events, t_first, tensor_events: 0, tensor_window, source, wires }
+            .with_tensor_events(TENSOR_EVENTS)
     }
 
     fn synthetic(events: usize) -> Result<Self, String> {

@@ -1,4 +1,4 @@
-//! `report [--json] [--only OP] [--rounds N]`: each operation and the same one of a peer, in turn on one core.
+//! `report [--json] [--only OP] [--rounds N] [--tensor-events N]`: each operation and the same one of a peer, in turn on one core.
 //!
 //! With feature `peers` beside eventcv-core 1.0.11, else alone. Figures are medians of CPU time; a side that gives a
 //! wrong answer ends the report with exit code 1.
@@ -6,26 +6,28 @@
 use std::process::ExitCode;
 
 use lobula_benches::contest::Line;
-use lobula_benches::input::{EVENTS, Scene};
+use lobula_benches::input::{EVENTS, Scene, TENSOR_EVENTS};
 use lobula_benches::op::Op;
 use lobula_benches::{clock, peers};
 
-const USAGE: &str = "usage: report [--json] [--only OP] [--rounds N]";
+const USAGE: &str = "usage: report [--json] [--only OP] [--rounds N] [--tensor-events N]";
 
 struct Options {
     json: bool,
     only: Option<Op>,
     rounds: usize,
+    tensor_events: usize,
 }
 
 impl Options {
     fn parse(mut args: impl Iterator<Item = String>) -> Result<Self, String> {
-        let mut options = Self { json: false, only: None, rounds: 5 };
+        let mut options = Self { json: false, only: None, rounds: 5, tensor_events: TENSOR_EVENTS };
         while let Some(arg) = args.next() {
             match arg.as_str() {
                 "--json" => options.json = true,
                 "--only" => options.only = Some(op(&args.next().ok_or(USAGE)?)?),
-                "--rounds" => options.rounds = rounds(&args.next().ok_or(USAGE)?)?,
+                "--rounds" => options.rounds = number(&args.next().ok_or(USAGE)?)?,
+                "--tensor-events" => options.tensor_events = number(&args.next().ok_or(USAGE)?)?,
                 _ => return Err(format!("{arg} is no option; {USAGE}")),
             }
         }
@@ -42,8 +44,8 @@ fn op(name: &str) -> Result<Op, String> {
         .ok_or(format!("{name} is no operation; there are {names}"))
 }
 
-fn rounds(text: &str) -> Result<usize, String> {
-    text.parse().ok().filter(|n| *n > 0).ok_or(format!("{text} is no number of rounds; at least 1"))
+fn number(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| *n > 0).ok_or(format!("{text} is no number; at least 1"))
 }
 
 fn main() -> ExitCode {
@@ -58,7 +60,7 @@ fn main() -> ExitCode {
 
 fn report(options: &Options) -> Result<(), String> {
     let core = clock::pin_to_one_core().map_err(|e| e.to_string())?;
-    let scene = Scene::load(EVENTS)?;
+    let scene = Scene::load(EVENTS.max(options.tensor_events))?.with_tensor_events(options.tensor_events);
     let peer = peers::load(&scene)?;
     eprintln!("{}, pinned to core {core}; {}", clock::machine(), scene.source);
     if !options.json {

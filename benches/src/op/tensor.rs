@@ -8,7 +8,7 @@ use lobula_core::Representation;
 
 use super::Op;
 use crate::contest::{Contest, Protocol, Unit, Work};
-use crate::input::{Scene, TENSOR_EVENTS, packets};
+use crate::input::{Scene, packets};
 use crate::peers::Library;
 
 /// An operation that builds a tensor.
@@ -46,8 +46,8 @@ impl Tensor {
             kernel: "portable",
             protocol,
             unit: Unit::Time,
-            events: TENSOR_EVENTS,
-            expected: TENSOR_EVENTS as u64,
+            events: scene.tensor_events,
+            expected: scene.tensor_events as u64,
             ours,
             peers: peer.map_or_else(Vec::new, |peer| peer.ways(self.op, protocol)),
             bar: Some(bar),
@@ -92,7 +92,7 @@ fn fresh<R: Representation>(representation: &R) -> Vec<R::Pixel> {
 fn fill<R: Representation>(scene: &Scene, representation: &mut R, out: &mut [R::Pixel]) -> u64 {
     let mut events = 0;
     representation.begin(scene.tensor_window, out);
-    for packet in packets(scene.span(TENSOR_EVENTS)) {
+    for packet in packets(scene.span(scene.tensor_events)) {
         if representation.accumulate(packet, out).is_ok() {
             events += packet.events.len() as u64;
         }
@@ -106,7 +106,7 @@ fn whole<'a, R: Representation>(scene: &'a Scene, make: impl Fn() -> R + 'a) -> 
     Box::new(move || {
         let mut representation = make();
         let mut out = fresh(&representation);
-        let span = scene.span(TENSOR_EVENTS);
+        let span = scene.span(scene.tensor_events);
         representation.begin(scene.tensor_window, &mut out);
         let done = representation.accumulate(span, &mut out);
         representation.finish(&mut out);

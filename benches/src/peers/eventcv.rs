@@ -18,7 +18,7 @@ use lobula_core::wire::Encoding;
 
 use super::Library;
 use crate::contest::{Peer, Protocol, Work};
-use crate::input::{PACKET_EVENTS, Scene, TENSOR_EVENTS};
+use crate::input::{PACKET_EVENTS, Scene};
 use crate::op::{self, Op};
 use crate::wire::Wire;
 
@@ -51,7 +51,7 @@ impl EventCv {
         let source = open_raw_slice(&file.0, &options(size)).map_err(|e| e.to_string())?;
         let stream =
             decode_words(&scene.bytes, EvtVersion::Evt3, size.0, size.1).map_err(|e| e.to_string())?;
-        let tensor = first(&stream, TENSOR_EVENTS);
+        let tensor = first(&stream, scene.tensor_events);
         let window = scene.tensor_window;
         let window_ms = (window.t1 - window.t0) as f64 * MILLISECONDS_OF_A_MICROSECOND;
         Ok(Self {
