@@ -16,6 +16,8 @@ import sys
 import tempfile
 import time
 
+from environment import ROOT, python
+
 PACKAGES = [
     "numpy==2.4.6",
     "evutils==0.3.18",
@@ -25,8 +27,6 @@ PACKAGES = [
     "hdf5plugin==7.1.0",
     "rosbags==0.11.9",
 ]
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-ENVIRONMENT = ROOT / "target" / "peers"
 
 
 def evutils(path):
@@ -118,19 +118,8 @@ def child(peer, path):
     print(json.dumps([int(events), statistics.median(times)]))
 
 
-def python():
-    interpreter = ENVIRONMENT / "bin" / "python"
-    wanted = "\n".join(PACKAGES)
-    made = ENVIRONMENT / "packages"
-    if not made.exists() or made.read_text() != wanted:
-        subprocess.run([sys.executable, "-m", "venv", "--clear", ENVIRONMENT], check=True)
-        subprocess.run([interpreter, "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
-        made.write_text(wanted)
-    return interpreter
-
-
 def main(names):
-    interpreter = python()
+    interpreter = python("peers", PACKAGES)
     with tempfile.TemporaryDirectory(dir=os.environ.get("TMPDIR")) as folder:
         bench = ["cargo", "bench", "--quiet", "-p", "lobula-benches", "--bench", "formats", "--"]
         ours = output([*bench, "--json", "--keep", folder, *names], cwd=ROOT)
