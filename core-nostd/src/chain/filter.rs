@@ -26,6 +26,8 @@ pub enum FilterSpec {
     BackgroundActivity(BackgroundActivityParams),
     /// [`Denoise`].
     Denoise(DenoiseSpec),
+    /// [`DoubleWindow`].
+    DoubleWindow(DoubleWindowParams),
 }
 
 impl FilterSpec {
@@ -38,6 +40,7 @@ impl FilterSpec {
             Self::Refractory(_) => "refractory",
             Self::BackgroundActivity(_) => "background_activity",
             Self::Denoise(_) => "denoise",
+            Self::DoubleWindow(_) => "double_window",
         }
     }
 }
@@ -51,9 +54,9 @@ macro_rules! any_filter {
             pub(super) type Of = $type;
 
             pub(super) fn make(geometry: Geometry, params: $params) -> Result<AnyFilter, ChainCause> {
-                let len: fn(Geometry) -> usize = $len;
+                let len: fn(Geometry, &$params) -> usize = $len;
                 let make: fn(Geometry, $params, S) -> Result<Of, FilterError> = $make;
-                Ok(AnyFilter::$variant(make(geometry, params, memory(len(geometry))?)?))
+                Ok(AnyFilter::$variant(make(geometry, params, memory(len(geometry, &params))?)?))
             }
         })*
 
@@ -107,6 +110,7 @@ impl AnyFilter {
                 let make = if spec.shift == 0 { denoise_u32::make } else { denoise_u16::make };
                 make(geometry, spec.params())?.masking(&spec.hot_pixels, geometry)
             }
+            FilterSpec::DoubleWindow(params) => double_window::make(geometry, *params),
         }
     }
 }

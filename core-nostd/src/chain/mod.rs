@@ -195,15 +195,23 @@ mod tests {
             { "kind": "hot_pixel", "pixels": [[1, 2], [3, 4]] },
             { "kind": "refractory", "dt_us": 100, "refresh": "all", "shift": 2 },
             { "kind": "background_activity", "dt_us": 100, "neighbours": "four" },
-            { "kind": "denoise", "support": 3, "hot_pixels": [[5, 6]] }
+            { "kind": "denoise", "support": 3, "hot_pixels": [[5, 6]] },
+            { "kind": "double_window", "window": 16 }
         ]"#;
         let spec: Spec = serde_json::from_str(text).unwrap();
         let again = serde_json::from_str(&serde_json::to_string(&spec).unwrap()).unwrap();
         assert_eq!(spec, again);
         let chain = Chain::try_new(&spec, Geometry::new(8, 8)).unwrap();
         let kinds: Vec<&str> = chain.counts().map(|(kind, _)| kind).collect();
-        let expected =
-            ["polarity", "region_of_interest", "hot_pixel", "refractory", "background_activity", "denoise"];
+        let expected = [
+            "polarity",
+            "region_of_interest",
+            "hot_pixel",
+            "refractory",
+            "background_activity",
+            "denoise",
+            "double_window",
+        ];
         assert_eq!(kinds, expected);
         assert!(Chain::try_new(&Spec::standard(), Geometry::new(1280, 720)).is_ok());
     }

@@ -7,6 +7,7 @@
 mod background_activity;
 mod compact;
 mod denoise;
+mod double_window;
 mod hot_pixel;
 mod mask;
 mod polarity;
@@ -16,6 +17,7 @@ mod roi;
 pub use background_activity::{BackgroundActivity, BackgroundActivityParams};
 pub(crate) use compact::compact;
 pub use denoise::{Denoise, DenoiseParams};
+pub use double_window::{DoubleWindow, DoubleWindowParams};
 pub use hot_pixel::{HotPixelFilter, HotPixelLearner};
 pub use mask::PixelMask;
 pub use polarity::{PolarityFilter, PolarityParams};
@@ -26,36 +28,39 @@ pub use roi::{RegionOfInterest, RegionParams};
 /// [`AnyFilter`](crate::chain::AnyFilter) and the exports of the no-panic proof are made.
 ///
 /// Each line: name, name of a module, type (where `S` stands for its storage), parameters, word of its memory, words
-/// needed as a function of the [`Geometry`](crate::Geometry), and how to make it of geometry, parameters and memory
-/// (a `Result` with [`FilterError`](crate::filter::FilterError)).
+/// needed as a function of the [`Geometry`](crate::Geometry) and a reference to the parameters, and how to make it of
+/// geometry, parameters and memory (a `Result` with [`FilterError`](crate::filter::FilterError)).
 #[macro_export]
 macro_rules! filters {
     ($then:ident) => {
         $then! {
             Polarity polarity: $crate::filter::PolarityFilter, $crate::filter::PolarityParams, u8,
-                |_| 0, |geometry, params, _| Ok($crate::filter::PolarityFilter::new(geometry, params));
+                |_, _| 0, |geometry, params, _| Ok($crate::filter::PolarityFilter::new(geometry, params));
             RegionOfInterest region_of_interest: $crate::filter::RegionOfInterest, $crate::filter::RegionParams, u8,
-                |_| 0, |geometry, params, _| $crate::filter::RegionOfInterest::try_new(geometry, params);
+                |_, _| 0, |geometry, params, _| $crate::filter::RegionOfInterest::try_new(geometry, params);
             HotPixel hot_pixel: $crate::filter::HotPixelFilter<S>, (), u32,
-                $crate::filter::PixelMask::<()>::required_len,
+                |geometry, ()| $crate::filter::PixelMask::<()>::required_len(geometry),
                 |geometry, (), memory| $crate::filter::PixelMask::try_from_words(geometry, memory)
                     .map($crate::filter::HotPixelFilter::new);
             RefractoryU32 refractory_u32: $crate::filter::Refractory<u32, S>, $crate::filter::RefractoryParams, u32,
-                $crate::filter::Refractory::<u32, ()>::required_len, $crate::filter::Refractory::try_new;
+                |geometry, _| $crate::filter::Refractory::<u32, ()>::required_len(geometry), $crate::filter::Refractory::try_new;
             RefractoryU16 refractory_u16: $crate::filter::Refractory<u16, S>, $crate::filter::RefractoryParams, u16,
-                $crate::filter::Refractory::<u16, ()>::required_len, $crate::filter::Refractory::try_new;
+                |geometry, _| $crate::filter::Refractory::<u16, ()>::required_len(geometry), $crate::filter::Refractory::try_new;
             BackgroundActivityU32 background_activity_u32:
                 $crate::filter::BackgroundActivity<u32, S>, $crate::filter::BackgroundActivityParams, u32,
-                $crate::filter::BackgroundActivity::<u32, ()>::required_len,
+                |geometry, _| $crate::filter::BackgroundActivity::<u32, ()>::required_len(geometry),
                 $crate::filter::BackgroundActivity::try_new;
             BackgroundActivityU16 background_activity_u16:
                 $crate::filter::BackgroundActivity<u16, S>, $crate::filter::BackgroundActivityParams, u16,
-                $crate::filter::BackgroundActivity::<u16, ()>::required_len,
+                |geometry, _| $crate::filter::BackgroundActivity::<u16, ()>::required_len(geometry),
                 $crate::filter::BackgroundActivity::try_new;
             DenoiseU32 denoise_u32: $crate::filter::Denoise<u32, S>, $crate::filter::DenoiseParams, u32,
-                $crate::filter::Denoise::<u32, ()>::required_len, $crate::filter::Denoise::try_new;
+                |geometry, _| $crate::filter::Denoise::<u32, ()>::required_len(geometry), $crate::filter::Denoise::try_new;
             DenoiseU16 denoise_u16: $crate::filter::Denoise<u16, S>, $crate::filter::DenoiseParams, u16,
-                $crate::filter::Denoise::<u16, ()>::required_len, $crate::filter::Denoise::try_new;
+                |geometry, _| $crate::filter::Denoise::<u16, ()>::required_len(geometry), $crate::filter::Denoise::try_new;
+            DoubleWindow double_window: $crate::filter::DoubleWindow<S>, $crate::filter::DoubleWindowParams, u32,
+                |_, params| $crate::filter::DoubleWindow::<()>::required_len(params.window),
+                $crate::filter::DoubleWindow::try_new;
         }
     };
 }
@@ -97,6 +102,17 @@ pub enum FilterError {
         /// Words given.
         found: usize,
     },
+    /// A parameter is not in its range.
+    OutOfRange {
+        /// Its name.
+        name: &'static str,
+        /// What was given.
+        value: u32,
+        /// The least it may be.
+        min: u32,
+        /// The most it may be.
+        max: u32,
+    },
     /// More than 8 neighbours are asked to support an event.
     SupportOutOfRange {
         /// How many are asked.
@@ -123,6 +139,9 @@ impl core::fmt::Display for FilterError {
             Self::TimeMap(error) => error.fmt(f),
             Self::MemoryTooShort { needed, found } => {
                 write!(f, "memory of {found} words is too short: give {needed}")
+            }
+            Self::OutOfRange { name, value, min, max } => {
+                write!(f, "{name} = {value} is out of range: give {min} to {max}")
             }
             Self::SupportOutOfRange { support } => {
                 write!(f, "a pixel has 8 neighbours, so {support} cannot support it: ask for 0 to 8")

@@ -5,6 +5,7 @@ use lobula_core::filter::*;
 use lobula_core::time_map::TimeMap;
 use lobula_core::{Block, Event, Filter, Geometry, Polarity, SPAN_MAX_US, WrongGeometry};
 use proptest::prelude::*;
+use std::collections::VecDeque;
 
 /// Small, so that random events are neighbours.
 const SENSOR: Geometry = Geometry::new(5, 4);
@@ -329,6 +330,49 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..Default::default() })]
+
+    #[test]
+    fn double_window_agrees(
+        events in stream(1 << 29),
+        (window, distance_px, support) in (1..20u16, 1..8u16, 1..5u16),
+        seed: u64,
+    ) {
+        let mut windows = [VecDeque::new(), VecDeque::new()];
+        let oracle = |timed: &&Timed| {
+            let at = [timed.event.x() as i32, timed.event.y() as i32];
+            let near = |other: &&[i32; 2]| {
+                (at[0] - other[0]).abs() + (at[1] - other[1]).abs() < distance_px as i32
+            };
+            let signal = windows.iter().flatten().filter(near).count() >= support as usize;
+            let own = &mut windows[signal as usize];
+            own.push_back(at);
+            if own.len() > window as usize {
+                own.pop_front();
+            }
+            signal
+        };
+        let expected: Vec<Timed> = events.iter().filter(oracle).copied().collect();
+        let params = DoubleWindowParams { window, distance_px, support };
+        let memory = vec![!0; DoubleWindow::<()>::required_len(window)];
+        let mut filter = DoubleWindow::try_new(SENSOR, params, memory).unwrap();
+        prop_assert_eq!(run(&mut filter, &events, seed), expected);
+    }
+}
+
+#[test]
+fn a_double_window_refuses_parameters_that_keep_nothing_and_short_memory() {
+    let good = DoubleWindowParams::default();
+    let make = |params, len| DoubleWindow::try_new(SENSOR, params, vec![0; len]).err();
+    let zero = |name| Some(FilterError::OutOfRange { name, value: 0, min: 1, max: 65535 });
+    assert_eq!(make(DoubleWindowParams { window: 0, ..good }, 128), zero("window"));
+    assert_eq!(make(DoubleWindowParams { distance_px: 0, ..good }, 128), zero("distance_px"));
+    assert_eq!(make(DoubleWindowParams { support: 0, ..good }, 128), zero("support"));
+    assert_eq!(make(good, 127), Some(FilterError::MemoryTooShort { needed: 128, found: 127 }));
+    assert_eq!(make(good, 128), None);
+}
+
 #[test]
 fn a_region_must_lie_on_the_sensor() {
     let at = |x, width| RegionOfInterest::try_new(SENSOR, RegionParams { x, y: 0, width, height: 4 });
@@ -389,6 +433,11 @@ chunk_invariance!(filter denoise, |geometry| {
 chunk_invariance!(filter denoise_u16, |geometry| {
     let params = DenoiseParams { refractory_us: 0, support_us: 64, support: 1, trail_us: 0, shift: 3 };
     Denoise::<u16, _>::try_new(geometry, params, vec![0; Denoise::<u16, ()>::required_len(geometry)]).unwrap()
+});
+
+chunk_invariance!(filter double_window, |geometry| {
+    let params = DoubleWindowParams { window: 7, distance_px: 3, support: 2 };
+    DoubleWindow::try_new(geometry, params, [0; DoubleWindow::<()>::required_len(7)]).unwrap()
 });
 
 /// A tuple of filters, a chain of the same, and one after the other by hand.

@@ -91,9 +91,9 @@ macro_rules! filters {
                 try_new($make, (geometry, params, memory)).map(|filter| unsafe { at.write(filter) })
             }
 
-            pub fn required_len(geometry: Geometry) -> usize {
-                let len: fn(Geometry) -> usize = $len;
-                len(geometry)
+            pub fn required_len(geometry: Geometry, params: &$params) -> usize {
+                let len: fn(Geometry, &$params) -> usize = $len;
+                len(geometry, params)
             }
         })*
 
