@@ -2,6 +2,7 @@
 
 use crate::convert::{self, Numbers, Region, Time};
 use crate::input::{self, InputArgs};
+use crate::render;
 use clap::{Parser, Subcommand};
 use lobula_core::Polarity;
 use lobula_core::wire::Encoding;
@@ -26,6 +27,8 @@ pub enum Command {
     Convert(ConvertArgs),
     /// Writes a part of a recording
     Slice(SliceArgs),
+    /// Writes tensors of a recording's windows, as a NumPy array or as pictures
+    Render(RenderArgs),
     /// Tells whether a recording is whole and in order, and what of it can be read
     Check(CheckArgs),
     /// Proves the main job on screen, with a synthetic camera and processes of its own
@@ -132,6 +135,39 @@ pub struct SliceArgs {
     /// The rest
     #[command(flatten)]
     pub convert: ConvertArgs,
+}
+
+/// Options of `render`.
+#[derive(Debug, clap::Args)]
+pub struct RenderArgs {
+    /// The recording
+    pub file: PathBuf,
+    /// An .npy file for an array N x C x H x W, or a folder for a picture of each window, named by its start in µs
+    pub output: PathBuf,
+    /// What kind of tensor, such as count, voxel_grid or time_surface: those of the daemon's views
+    #[arg(long, value_name = "NAME")]
+    pub kind: String,
+    /// Length of a window: µs, or a number with s, ms or us; windows begin at multiples of it
+    #[arg(long, value_name = "TIME", default_value = "33ms", value_parser = convert::time)]
+    pub period: Time,
+    /// Another setting of the view, such as dtype=u16 or bins=9; again for more
+    #[arg(long, value_name = "KEY=VALUE", value_parser = render::setting)]
+    pub set: Vec<(String, String)>,
+    /// Only from this time on: µs, or a number with s, ms or us; +1s counts from the first event
+    #[arg(long, value_name = "TIME", value_parser = convert::time)]
+    pub t_start: Option<Time>,
+    /// Only before this time
+    #[arg(long, value_name = "TIME", value_parser = convert::time)]
+    pub t_stop: Option<Time>,
+    /// Replace files that are there
+    #[arg(long)]
+    pub overwrite: bool,
+    /// One line of JSON
+    #[arg(long)]
+    pub json: bool,
+    /// What the file does not tell
+    #[command(flatten)]
+    pub input: InputArgs,
 }
 
 /// Options of `demo`.

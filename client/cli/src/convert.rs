@@ -41,9 +41,9 @@ pub fn slice(args: &SliceArgs) -> Result<(), Failure> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Time {
     /// In µs.
-    us: u64,
+    pub us: u64,
     /// Whether it counts from the first event.
-    from_first: bool,
+    pub from_first: bool,
 }
 
 /// Reads a time: µs, or a number with its unit, from the first event on where it begins with a plus.
@@ -114,7 +114,11 @@ pub fn region(text: &str) -> Result<Region, String> {
 }
 
 /// The part between two times.
-fn part(recording: &Recording, start: Option<Time>, stop: Option<Time>) -> Result<CopyPart, Failure> {
+pub(crate) fn part(
+    recording: &Recording,
+    start: Option<Time>,
+    stop: Option<Time>,
+) -> Result<CopyPart, Failure> {
     if start.is_none() && stop.is_none() {
         return Ok(CopyPart::All);
     }

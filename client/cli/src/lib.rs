@@ -4,7 +4,8 @@
 //! module and one line in [`args`].
 //!
 //! ```text
-//!  args ─▶ info, convert, slice, check   files                   (lobula-formats)
+//!  args ─▶ info, convert, slice, check,
+//!          render                       files                   (lobula-formats)
 //!       ─▶ status, top, echo             a daemon                (lobula-client)
 //!       ─▶ serve                         the daemon, in process  (lobulad)
 //!       ─▶ demo ─▶ children: serve, demo-reader, demo-floor      the main job, proved on screen
@@ -19,6 +20,7 @@ mod check;
 pub mod convert;
 mod info;
 mod progress;
+pub mod render;
 
 mod echo;
 mod status;
@@ -72,6 +74,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::Info(args) => info::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Slice(args) => convert::slice(&args),
+        Command::Render(args) => render::run(&args),
         Command::Check(args) => return check::run(&args),
         Command::Status(args) => status::run(&args),
         Command::Top(args) => top::run(&args),

@@ -5,4 +5,5 @@ mod clients;
 mod convert;
 mod demo;
 mod info;
+mod render;
 mod tool;

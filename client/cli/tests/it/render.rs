@@ -1,0 +1,87 @@
+//! `lobula render` on a real recording.
+
+use crate::tool::{failure, run};
+use lobula_tests::data;
+use serde_json::Value;
+use std::path::Path;
+
+const RECORDING: &str = "evt3_gen41_1280x720.raw";
+
+fn json(args: &[&str]) -> Value {
+    let output = run(args);
+    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// What is said of a bad input.
+fn refused(args: &[&str]) -> String {
+    let (code, text) = failure(&run(args));
+    assert_eq!(code, 2, "{text}");
+    text
+}
+
+/// Header and data of an .npy file.
+fn npy(path: &Path) -> (String, Vec<u8>) {
+    let bytes = std::fs::read(path).unwrap();
+    assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
+    let len = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    assert_eq!((10 + len) % 64, 0);
+    (String::from_utf8(bytes[10..10 + len].to_vec()).unwrap(), bytes[10 + len..].to_vec())
+}
+
+#[test]
+fn an_array_holds_every_event_once() {
+    let Some(from) = data(RECORDING) else { return };
+    let from = from.to_str().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("count.npy");
+    let to = path.to_str().unwrap();
+    let render = ["render", from, to, "--kind", "count", "--period", "5ms", "--set", "dtype=u16"];
+    let told = json(&[&render[..], &["--json"]].concat());
+    let (header, data) = npy(&path);
+    assert_eq!((&told["windows"], &told["shape"]), (&3.into(), &serde_json::json!([1, 720, 1280])));
+    assert!(header.contains("'descr': '<u2'") && header.contains("'shape': (3, 1, 720, 1280)"), "{header}");
+    let counts = data.chunks_exact(2).map(|word| u64::from(u16::from_le_bytes([word[0], word[1]])));
+    assert_eq!(counts.sum::<u64>(), 219_596, "as truth.json has it");
+    let again = refused(&render);
+    assert!(again.contains("--overwrite"), "{again}");
+    assert!(run(&[&render[..], &["--overwrite"]].concat()).status.success());
+}
+
+#[test]
+fn pictures_have_the_sensor_s_size_and_show_events() {
+    let Some(from) = data(RECORDING) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let to = folder.path().join("pictures");
+    let args = ["render", from.to_str().unwrap(), to.to_str().unwrap(), "--kind", "time_surface"];
+    assert!(run(&[&args[..], &["--period", "5ms", "--t-start", "+1ms"]].concat()).status.success());
+    let mut names: Vec<_> = std::fs::read_dir(&to).unwrap().map(|file| file.unwrap().file_name()).collect();
+    names.sort();
+    // From 11718656 to 11727457 µs, as truth.json has it.
+    assert_eq!(names, ["000011715000.png", "000011720000.png", "000011725000.png"]);
+    let file = std::io::BufReader::new(std::fs::File::open(to.join(&names[1])).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let frame = reader.next_frame(&mut pixels).unwrap();
+    assert_eq!((frame.width, frame.height), (1280, 720));
+    let lit = pixels.chunks_exact(3).filter(|pixel| **pixel != [0, 0, 0]).count();
+    assert!((10_000..400_000).contains(&lit), "{lit}");
+}
+
+#[test]
+fn what_cannot_be_says_what_to_do() {
+    let Some(from) = data(RECORDING) else { return };
+    let from = from.to_str().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let (npy, jpg) = (folder.path().join("a.npy"), folder.path().join("a.jpg"));
+    let (npy, jpg) = (npy.to_str().unwrap(), jpg.to_str().unwrap());
+    let said = |args: &[&str]| refused(&[&["render", from], args].concat());
+    assert!(said(&[npy, "--kind", "cuont"]).contains("`count`"));
+    assert!(
+        said(&[npy, "--kind", "count", "--set", "bins=3"]).contains("bins means nothing to a count view")
+    );
+    assert!(said(&[npy, "--kind", "count", "--set", "bisn=3"]).contains("unknown field `bisn`"));
+    assert!(said(&[npy, "--kind", "count", "--period", "+1s"]).contains("leave the plus out"));
+    assert!(said(&[jpg, "--kind", "count"]).contains("a name that ends in .npy"));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is left of it");
+}
