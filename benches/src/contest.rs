@@ -112,6 +112,8 @@ pub struct Line {
     pub ratio: Option<f64>,
     /// How many times as fast it shall be.
     pub bar: Option<f64>,
+    /// Instructions of our portable code for an event, where there is no peer to compare with and they can be counted.
+    pub instructions: Option<f64>,
     /// How the two sides differ in what they do.
     pub note: &'static str,
 }
@@ -151,6 +153,7 @@ impl Contest<'_> {
             peer: best.map(|(time, _)| figure(time)),
             ratio: best.map(|(time, _)| time.as_secs_f64() / ours.as_secs_f64().max(1e-9)),
             bar: self.bar,
+            instructions: None,
             note: self.note,
         }
     }

@@ -8,6 +8,7 @@
 pub mod clock;
 pub mod contest;
 pub mod input;
+pub mod instructions;
 pub mod op;
 pub mod peers;
 pub mod wire;

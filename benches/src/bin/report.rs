@@ -5,10 +5,10 @@
 
 use std::process::ExitCode;
 
-use lobula_benches::contest::Line;
+use lobula_benches::contest::{Line, Protocol};
 use lobula_benches::input::{EVENTS, Scene, TENSOR_EVENTS};
 use lobula_benches::op::Op;
-use lobula_benches::{clock, peers};
+use lobula_benches::{clock, instructions, peers};
 
 const USAGE: &str = "usage: report [--json] [--only OP] [--rounds N] [--tensor-events N]";
 
@@ -49,7 +49,17 @@ fn number(text: &str) -> Result<usize, String> {
 }
 
 fn main() -> ExitCode {
-    match Options::parse(std::env::args().skip(1)).and_then(|options| report(&options)) {
+    let args: Vec<String> = std::env::args().collect();
+    if let [_, option, name, runs] = &args[..]
+        && option == instructions::OPTION
+    {
+        return done(op(name).and_then(|op| instructions::child(op, number(runs)?)));
+    }
+    done(Options::parse(std::env::args().skip(1)).and_then(|options| report(&options)))
+}
+
+fn done(result: Result<(), String>) -> ExitCode {
+    match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(sentence) => {
             eprintln!("report: {sentence}");
@@ -68,7 +78,11 @@ fn report(options: &Options) -> Result<(), String> {
     }
     for op in Op::ALL.iter().filter(|op| options.only.is_none_or(|only| only == **op)) {
         for contest in op.contests(&scene, peer.as_deref())? {
-            let line = contest.run(options.rounds)?;
+            let alone = cfg!(feature = "peers") && contest.peers.is_empty();
+            let mut line = contest.run(options.rounds)?;
+            if alone && line.kernel == "portable" && line.protocol == Protocol::Stream {
+                line.instructions = instructions::per_event(*op);
+            }
             println!("{}", if options.json { json(&line)? } else { row(&line) });
         }
     }
@@ -92,7 +106,8 @@ fn row(line: &Line) -> String {
         (Some(ratio), Some(bar)) => format!("{bar}x {}", if ratio >= bar { "ok" } else { "below" }),
         _ => "-".into(),
     };
-    let way = line.peer_name.as_deref().unwrap_or(match cfg!(feature = "peers") {
+    let counted = line.instructions.map(|n| format!("no peer; {n:.1} instructions an event"));
+    let way = counted.as_deref().or(line.peer_name.as_deref()).unwrap_or(match cfg!(feature = "peers") {
         true => "no peer",
         false => "no peer: built without feature `peers`",
     });
