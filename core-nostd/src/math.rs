@@ -47,6 +47,69 @@ fn power_of_two(shifted: f32) -> f32 {
     f32::from_bits(n.wrapping_add(127) << 23)
 }
 
+/// ln(2) in two parts: the first has 16 bits, so that its product with an exponent is exact.
+const LN_TWO_HIGH: f32 = 0.693_145_75;
+const LN_TWO_LOW: f32 = 1.428_606_8e-6;
+
+/// The natural logarithm of `x`, within 1.5e-7 of the true value relative to it.
+///
+/// Minus infinity of 0, NaN of what is negative or NaN; infinity stays. Free of branches but for subnormal numbers.
+///
+/// ```
+/// use lobula_core::math::ln;
+/// assert_eq!(ln(1.0), 0.0);
+/// assert!((ln(10.0) - 2.302_585_1).abs() < 4e-7);
+/// ```
+#[inline(always)]
+pub fn ln(x: f32) -> f32 {
+    const SCALE: f32 = 16_777_216.0; // 2^24
+    let (scaled, scale) = if x < f32::MIN_POSITIVE { (x * SCALE, 24) } else { (x, 0) };
+    // x = m 2^n with m from sqrt(1/2) to sqrt(2).
+    let bits = scaled.to_bits().wrapping_sub(core::f32::consts::FRAC_1_SQRT_2.to_bits());
+    let n = ((bits as i32 >> 23) - scale) as f32;
+    let m = f32::from_bits((bits & 0x007F_FFFF).wrapping_add(core::f32::consts::FRAC_1_SQRT_2.to_bits()));
+    // ln m = 2 artanh s with |s| under 0.172: its series, of which what is left out is under 2e-9 of it.
+    let f = m - 1.0;
+    let s = f / (2.0 + f);
+    let z = s * s;
+    let series = z * (1.0 / 3.0 + z * (1.0 / 5.0 + z * (1.0 / 7.0 + z * (1.0 / 9.0))));
+    // 2 s (1 + series) = f - s (f - 2 series), and f is exact.
+    let value = n * LN_TWO_HIGH + (f - (s * (f - 2.0 * series) - n * LN_TWO_LOW));
+    let value = if x == 0.0 { f32::NEG_INFINITY } else { value };
+    let value = if x == f32::INFINITY { x } else { value };
+    if x >= 0.0 { value } else { f32::NAN }
+}
+
+/// The square root of `x`, correctly rounded. Of whole numbers, so for numbers now and then rather than for tensors.
+///
+/// -0 and infinity stay, NaN of what is negative or NaN.
+///
+/// ```
+/// assert_eq!(lobula_core::math::sqrt(2.25), 1.5);
+/// ```
+pub fn sqrt(x: f32) -> f32 {
+    if x == 0.0 || x == f32::INFINITY {
+        return x;
+    }
+    if x < 0.0 || x.is_nan() {
+        return f32::NAN;
+    }
+    let bits = x.to_bits();
+    // x = m 2^e, where m is a whole number.
+    let (m, e) = match bits >> 23 {
+        0 => (bits, -149),
+        exponent => (bits & 0x007F_FFFF | 0x0080_0000, exponent as i32 - 150),
+    };
+    // To 49 or 50 bits with an even exponent: the root has 25 bits, one more than are kept.
+    let up = m.leading_zeros() + 17;
+    let up = up + (up as i32 + e).rem_euclid(2) as u32;
+    let root = (u64::from(m) << up).isqrt();
+    // A root of so few bits is never halfway between two numbers of 24: its last bit rounds it.
+    let (half, exponent) = ((root + 1) >> 1, (e - up as i32) / 2 + 1);
+    // Both are exact: half is at most 2^24, and the root of no number is subnormal.
+    half as f32 * f32::from_bits(((exponent + 127) as u32) << 23)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,5 +155,35 @@ mod tests {
             digest = digest.rotate_left(5).wrapping_mul(0x9E37_79B1) ^ exp(-(i as f32) * 3.3e-4).to_bits();
         }
         assert_eq!(digest, 2_131_304_060);
+    }
+
+    #[test]
+    fn ln_is_within_its_bound_of_the_double_precision_one() {
+        let mut worst = 0.0f64;
+        let near_one = 0.9f32.to_bits()..1.1f32.to_bits();
+        for bits in (1..f32::INFINITY.to_bits()).step_by(997).chain(near_one) {
+            let x = f32::from_bits(bits);
+            let truth = f64::from(x).ln();
+            let error = (f64::from(ln(x)) - truth).abs();
+            worst = worst.max(if x == 1.0 { error } else { error / truth.abs() });
+        }
+        assert!(worst < 1.5e-7, "relative error {worst:e}");
+        assert_eq!((ln(1.0), ln(0.0), ln(-0.0)), (0.0, f32::NEG_INFINITY, f32::NEG_INFINITY));
+        assert_eq!(ln(f32::INFINITY), f32::INFINITY);
+        assert!(ln(-1.0).is_nan() && ln(f32::NAN).is_nan() && ln(f32::NEG_INFINITY).is_nan());
+    }
+
+    #[test]
+    fn the_square_root_is_that_of_the_processor() {
+        let ends = [0.0, -0.0, -1.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX];
+        let all = (1..f32::INFINITY.to_bits()).step_by(1013).chain(0..70_000).map(f32::from_bits);
+        let near = (0..3_000u32).flat_map(|i| {
+            let square = (i * i) as f32;
+            [square.next_down(), square, square.next_up()]
+        });
+        for x in all.chain(near).chain(ends) {
+            let (found, expected) = (sqrt(x), x.sqrt());
+            assert!(found.to_bits() == expected.to_bits() || found.is_nan() && expected.is_nan(), "{x:e}");
+        }
     }
 }

@@ -3,28 +3,62 @@
 //! | kind | shape | element | value |
 //! |---|---|---|---|
 //! | [`Count`] | 1 x H x W | u8, u16, f32 | number of events |
+//! | [`Binary`] | 1 x H x W | u8 | whether there were any |
 //! | [`PolarityHistogram`] | 2 x H x W (ON, OFF) | u8, u16, f32 | number of events |
-//! | [`VoxelGrid`] | bins x H x W | f32 | events of sign ±1, shared between the two nearest bins in time |
-//! | [`TimeSurface`] | 2 x H x W (ON, OFF) | f32, f16 | exp(-age / tau) of the pixel's last event |
+//! | [`SlicePolarityHistogram`] | 2 x H x W (ON, OFF) | u8 | the same as a share of the greatest |
+//! | [`EventFrame`] | 1 x H x W | u8, f32 | sum of signs ±1, or the last one |
+//! | [`VoxelGrid`] | bins x H x W (each polarity apart: 2 bins) | f32 | events of sign ±1, shared between the two nearest bins in time, or in the nearest |
+//! | [`SliceVoxelGrid`] | bins x H x W | f32 | the same with mean 0 and deviation 1 |
+//! | [`TimeSurface`] | 2 x H x W (ON, OFF) | f32, f16 | exp(-age / tau), or 1 - age / tau, of the pixel's last event |
+//! | [`AveragedTimeSurface`] | 2 x H x W (ON, OFF) | f32 | mean of exp(-age / tau) over the pixel's events |
+//! | [`Mcts`] | 2 N x H x W (OFF, ON) | f32, f16 | 1 - age / w of the pixel's last event for N scales w |
+//! | [`Tencode`] | 3 x H x W (ON, age, OFF) | u8 | polarity and age of the pixel's last event |
+//! | [`SliceCountmask`] | 3 x H x W (ON, any, OFF) | u8 | number of events clipped at a percentile |
+//! | [`SliceRedBlue`] | 3 x H x W (red, green, blue) | u8 | the prevailing polarity, clipped at a percentile |
+//! | [`EventImage`] | 3 x H x W (red, green, blue) | u8 | the last event's colour, fading |
+//!
+//! `Slice*` need the whole window before they know any value: they keep it in the caller's memory.
 //!
 //! Rows from the top, columns from the left, row-major.
 
+mod averaged_time_surface;
+mod binary;
 mod count;
+mod digits;
+mod event_frame;
+mod event_image;
 mod index;
+mod mcts;
 mod parameters;
 mod pixel;
 mod polarity_histogram;
+mod slice_countmask;
+mod slice_polarity_histogram;
+mod slice_red_blue;
+mod slice_voxel_grid;
+mod stamps;
+mod tencode;
 mod time_surface;
 mod voxel_grid;
 
+pub use averaged_time_surface::AveragedTimeSurface;
+pub use binary::Binary;
 pub use count::Count;
-pub use parameters::Parameters;
+pub use event_frame::{Combine, EventFrame};
+pub use event_image::{EventImage, Palette};
+pub use mcts::{Mcts, Scales};
 #[cfg(all(feature = "alloc", feature = "serde"))]
 pub(crate) use parameters::for_each_parameter;
-pub use pixel::{Dtype, Pixel, Real, Tally};
+pub use parameters::{List, Parameters};
+pub use pixel::{Dtype, Pixel, Real, Signed, Tally};
 pub use polarity_histogram::PolarityHistogram;
-pub use time_surface::TimeSurface;
-pub use voxel_grid::VoxelGrid;
+pub use slice_countmask::{Background, SliceCountmask};
+pub use slice_polarity_histogram::SlicePolarityHistogram;
+pub use slice_red_blue::SliceRedBlue;
+pub use slice_voxel_grid::SliceVoxelGrid;
+pub use tencode::Tencode;
+pub use time_surface::{Decay, TimeSurface};
+pub use voxel_grid::{Interpolation, Polarities, VoxelGrid};
 
 use crate::{Geometry, Representation, Span, WrongGeometry};
 
@@ -46,6 +80,18 @@ macro_rules! for_each_representation {
             VoxelGridF32 VoxelGrid $crate::representation::VoxelGrid;
             TimeSurfaceF32 TimeSurface $crate::representation::TimeSurface<f32, $state>;
             TimeSurfaceF16 TimeSurface $crate::representation::TimeSurface<$crate::f16, $state>;
+            Binary Binary $crate::representation::Binary;
+            SlicePolarityHistogram SlicePolarityHistogram $crate::representation::SlicePolarityHistogram<$state>;
+            EventFrameU8 EventFrame $crate::representation::EventFrame<u8>;
+            EventFrameF32 EventFrame $crate::representation::EventFrame<f32>;
+            SliceVoxelGrid SliceVoxelGrid $crate::representation::SliceVoxelGrid<$state>;
+            AveragedTimeSurface AveragedTimeSurface $crate::representation::AveragedTimeSurface<$state>;
+            MctsF32 Mcts $crate::representation::Mcts<f32, $state>;
+            MctsF16 Mcts $crate::representation::Mcts<$crate::f16, $state>;
+            Tencode Tencode $crate::representation::Tencode;
+            SliceCountmask SliceCountmask $crate::representation::SliceCountmask<$state>;
+            SliceRedBlue SliceRedBlue $crate::representation::SliceRedBlue<$state>;
+            EventImage EventImage $crate::representation::EventImage<$state>;
         }
     };
 }
@@ -90,6 +136,26 @@ kinds! {
     VoxelGrid, "voxel_grid", F32;
     /// [`TimeSurface`].
     TimeSurface, "time_surface", F32;
+    /// [`Binary`].
+    Binary, "binary", U8;
+    /// [`SlicePolarityHistogram`].
+    SlicePolarityHistogram, "slice_polarity_histogram", U8;
+    /// [`EventFrame`].
+    EventFrame, "event_frame", F32;
+    /// [`SliceVoxelGrid`].
+    SliceVoxelGrid, "slice_voxel_grid", F32;
+    /// [`AveragedTimeSurface`].
+    AveragedTimeSurface, "averaged_time_surface", F32;
+    /// [`Mcts`].
+    Mcts, "mcts", F32;
+    /// [`Tencode`].
+    Tencode, "tencode", U8;
+    /// [`SliceCountmask`].
+    SliceCountmask, "slice_countmask", U8;
+    /// [`SliceRedBlue`].
+    SliceRedBlue, "slice_red_blue", U8;
+    /// [`EventImage`].
+    EventImage, "event_image", U8;
 }
 
 /// Why a representation cannot be made.
@@ -162,4 +228,13 @@ pub trait Build<S>: Representation + Sized {
 /// Refuses events of another sensor.
 fn check(expected: Geometry, span: &Span<'_>) -> Result<(), WrongGeometry> {
     if span.geometry == expected { Ok(()) } else { Err(WrongGeometry { expected, found: span.geometry }) }
+}
+
+/// Refuses what is no percentile.
+fn check_percentile(percentile: u8) -> Result<u8, BadRepresentation> {
+    let (found, range) = (u64::from(percentile), "0 to 100");
+    if percentile > 100 {
+        return Err(BadRepresentation::Parameter { key: "percentile", found, range });
+    }
+    Ok(percentile)
 }

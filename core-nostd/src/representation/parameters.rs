@@ -6,10 +6,34 @@
 macro_rules! for_each_parameter {
     ($then:ident) => {
         $then! {
-            /// Bins of a [`VoxelGrid`](crate::representation::VoxelGrid), at least 1. Default 5.
-            bins: u16 = 5, VoxelGrid;
-            /// Decay of a [`TimeSurface`](crate::representation::TimeSurface) in µs, 1 to 2^25. Default 30000.
-            tau_us: u32 = 30_000, TimeSurface;
+            /// Bins of a [`VoxelGrid`](crate::representation::VoxelGrid) or
+            /// [`SliceVoxelGrid`](crate::representation::SliceVoxelGrid), at least 1. Default 5.
+            bins: u16 = 5, VoxelGrid SliceVoxelGrid;
+            /// Planes of a voxel grid's polarities: `"signed"` (default) or `"apart"`.
+            polarities: crate::representation::Polarities = crate::representation::Polarities::Signed, VoxelGrid;
+            /// Bins that an event of a voxel grid adds to: `"linear"` (default) or `"nearest"`.
+            interpolation: crate::representation::Interpolation = crate::representation::Interpolation::Linear, VoxelGrid;
+            /// Decay of a [`TimeSurface`](crate::representation::TimeSurface),
+            /// [`AveragedTimeSurface`](crate::representation::AveragedTimeSurface) or
+            /// [`EventImage`](crate::representation::EventImage) in µs, 1 to 2^25. Default 30000.
+            tau_us: u32 = 30_000, TimeSurface AveragedTimeSurface EventImage;
+            /// How a time surface decays: `"exponential"` (default) or `"linear"`.
+            decay: crate::representation::Decay = crate::representation::Decay::Exponential, TimeSurface;
+            /// What an [`EventFrame`](crate::representation::EventFrame) makes of a pixel's events: `"sum"` (default)
+            /// or `"latest"`.
+            combine: crate::representation::Combine = crate::representation::Combine::Sum, EventFrame;
+            /// The longest of the five scales of an [`Mcts`](crate::representation::Mcts) in µs, 1000 to 2^30. Default
+            /// 30000.
+            max_window_us: u32 = 30_000, Mcts;
+            /// Scales of an MCTS in µs in place of the five, at most 16 of 1 to 2^30. Default none.
+            windows_us: crate::representation::List = crate::representation::List::EMPTY, Mcts;
+            /// Where a [`SliceCountmask`](crate::representation::SliceCountmask) or
+            /// [`SliceRedBlue`](crate::representation::SliceRedBlue) clips counts, 0 to 100. Default 99.
+            percentile: u8 = 99, SliceCountmask SliceRedBlue;
+            /// Background of a countmask: `"black"` (default) or `"white"`.
+            background: crate::representation::Background = crate::representation::Background::Black, SliceCountmask;
+            /// Colours of an event image: `"dark"` (default), `"light"` or `"gray"`.
+            palette: crate::representation::Palette = crate::representation::Palette::Dark, EventImage;
         }
     };
 }
@@ -34,3 +58,48 @@ macro_rules! parameters {
 }
 
 for_each_parameter!(parameters);
+
+/// A short list of whole numbers, in settings `[1, 2, 3]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(try_from = "alloc::vec::Vec<u32>", into = "alloc::vec::Vec<u32>"))]
+pub struct List {
+    values: [u32; Self::MAX],
+    len: usize,
+}
+
+impl List {
+    /// How many numbers it holds at most.
+    pub const MAX: usize = 16;
+
+    /// No number.
+    pub const EMPTY: Self = Self { values: [0; Self::MAX], len: 0 };
+
+    /// These numbers; none if there are more than [`MAX`](Self::MAX).
+    pub fn try_new(numbers: &[u32]) -> Option<Self> {
+        let mut values = [0; Self::MAX];
+        values.get_mut(..numbers.len())?.copy_from_slice(numbers);
+        Some(Self { values, len: numbers.len() })
+    }
+
+    /// The numbers.
+    pub fn as_slice(&self) -> &[u32] {
+        self.values.get(..self.len).unwrap_or_default()
+    }
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<alloc::vec::Vec<u32>> for List {
+    type Error = &'static str;
+
+    fn try_from(numbers: alloc::vec::Vec<u32>) -> Result<Self, Self::Error> {
+        Self::try_new(&numbers).ok_or("a list of more than 16 numbers: give fewer")
+    }
+}
+
+#[cfg(feature = "serde")]
+impl From<List> for alloc::vec::Vec<u32> {
+    fn from(list: List) -> Self {
+        list.as_slice().to_vec()
+    }
+}

@@ -56,6 +56,15 @@ pub trait Tally: Pixel {
     fn count(&mut self, saturated: &mut u64);
 }
 
+/// An element that sums signs. Sealed.
+pub trait Signed: Pixel {
+    /// What stands for 0.
+    const NONE: Self;
+
+    /// One more (`on`) or one less; where the type holds no such number, as before, and `saturated` counts.
+    fn step(self, on: bool, saturated: &mut u64) -> Self;
+}
+
 /// An element that holds a share, from 0 to 1. Sealed.
 pub trait Real: Pixel {
     /// The nearest to `share`, ties to even. Anything for what is not from 0 to 1.
@@ -119,6 +128,29 @@ impl Tally for f32 {
         let more = *self + 1.0;
         *saturated += u64::from(more == *self);
         *self = more;
+    }
+}
+
+impl Signed for u8 {
+    const NONE: Self = 128;
+
+    #[inline(always)]
+    fn step(self, on: bool, saturated: &mut u64) -> Self {
+        let next = if on { self.saturating_add(1) } else { self.saturating_sub(1) };
+        *saturated += u64::from(next == self);
+        next
+    }
+}
+
+impl Signed for f32 {
+    const NONE: Self = 0.0;
+
+    /// Exact up to 2^24 either way, where it stays.
+    #[inline(always)]
+    fn step(self, on: bool, saturated: &mut u64) -> Self {
+        let next = self + if on { 1.0 } else { -1.0 };
+        *saturated += u64::from(next == self);
+        next
     }
 }
 

@@ -1,4 +1,4 @@
-//! How recently each pixel fired: an exponential decay of the age of its last event.
+//! How recently each pixel fired: an exponential (or linear) decay of the age of its last event.
 //!
 //! Source: Lagorce et al., HOTS: A Hierarchy of Event-Based Time-Surfaces for Pattern Recognition, TPAMI 2017, section
 //! 3.1, for the whole sensor at the window's end.
@@ -6,24 +6,35 @@
 use core::marker::PhantomData;
 
 use crate::math::exp;
-use crate::representation::index::{Draw, Places, draw_each};
+use crate::representation::index::Places;
+use crate::representation::stamps::{AGE_US_MAX, Stamps};
 use crate::representation::{BadRepresentation, Build, Parameters, Real, check};
 use crate::vector::widest;
-use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
+use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// See [`TimeSurface::TAU_US_MAX`].
-pub(super) const TAU_US_MAX: u32 = 1 << 25;
+pub(super) const TAU_US_MAX: u32 = AGE_US_MAX / DECAYS_MAX;
 
 /// Ages of this many decays and more are 0 exactly (exp(-32) is 1.3e-14).
-const DECAYS_MAX: u32 = 32;
+pub(super) const DECAYS_MAX: u32 = 32;
 
-/// An age that stands for every greater one, and for never: what the longest decay needs, 2^30 µs.
-const OLD_US: u32 = TAU_US_MAX * DECAYS_MAX;
+/// How a value falls with age.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum Decay {
+    /// exp(-age / tau); 0 exactly from 32 tau on.
+    #[default]
+    Exponential,
+    /// 1 - age / tau; 0 from tau on.
+    Linear,
+}
 
-/// exp(-age / tau) of the last event of each pixel and polarity: 2 x H x W (ON, OFF) of f32 or f16.
+/// exp(-age / tau) of the last event of each pixel and polarity: 2 x H x W (ON, OFF) of f32 or f16. With
+/// [`Decay::Linear`], 1 - age / tau as far as that is over 0.
 ///
 /// The age is counted from the window's end; the value is in (0, 1], and 0 exactly where nothing ever fired or the
-/// age is 32 tau or more. The last event is the last in stream order; one older than its window counts at its start.
+/// age is 32 tau (linear: tau) or more. The last event is the last in stream order; one older than its window counts at
+/// its start.
 ///
 /// The surface remembers across windows: the times are kept in a map of the caller's, `2 x H x W` elements of u32 µs
 /// ([`state_len`](Self::state_len)), and hold through silence of any length. A window that ends before the one
@@ -48,10 +59,8 @@ const OLD_US: u32 = TAU_US_MAX * DECAYS_MAX;
 pub struct TimeSurface<P, S> {
     geometry: Geometry,
     tau_us: u32,
-    window: Window,
-    /// When no age in the map was over [`OLD_US`]; none before the first window.
-    settled: Option<u64>,
-    map: S,
+    decay: Decay,
+    stamps: Stamps<S>,
     pixel: PhantomData<P>,
 }
 
@@ -64,44 +73,19 @@ impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> TimeSurface<P, S> {
         2 * geometry.pixels()
     }
 
-    /// For a sensor of this size, a decay of 1 to [`TAU_US_MAX`](Self::TAU_US_MAX) µs and a map of
+    /// For a sensor of this size, an exponential decay of 1 to [`TAU_US_MAX`](Self::TAU_US_MAX) µs and a map of
     /// [`state_len`](Self::state_len) elements, whatever they hold.
     pub fn try_new(geometry: Geometry, tau_us: u32, map: S) -> Result<Self, BadRepresentation> {
         if tau_us == 0 || tau_us > Self::TAU_US_MAX {
             return Err(BadRepresentation::TauUs { found: tau_us });
         }
-        let (expected, found) = (Self::state_len(geometry), map.as_ref().len());
-        if expected != found {
-            return Err(BadRepresentation::StateLen { expected, found });
-        }
-        let window = Window { t0: 0, t1: 0 };
-        Ok(Self { geometry, tau_us, window, settled: None, map, pixel: PhantomData })
+        let stamps = Stamps::try_new(Self::state_len(geometry), map)?;
+        Ok(Self { geometry, tau_us, decay: Decay::Exponential, stamps, pixel: PhantomData })
     }
 
-    /// Readies the map for a window: by its end no age will have reached 2^31 µs, so that 32 bits tell them apart.
-    fn settle(&mut self, window: Window) {
-        let before = self.window.t1;
-        let reaches = |settled: u64| window.t1.wrapping_sub(settled) < u64::from(OLD_US);
-        let settled = self.settled.filter(|_| window.t1 >= before);
-        self.settled = match settled {
-            Some(settled) if reaches(settled) => Some(settled),
-            Some(_) if reaches(before) => {
-                self.bring_down(before as u32);
-                Some(before)
-            }
-            // The first window, or a restart of the clock, or all that was is too old to be seen.
-            _ => {
-                self.map.as_mut().fill((window.t0 as u32).wrapping_sub(OLD_US));
-                Some(window.t0)
-            }
-        };
-    }
-
-    /// Makes every age of over [`OLD_US`] at time `now` this one.
-    fn bring_down(&mut self, now: u32) {
-        for last in self.map.as_mut() {
-            *last = now.wrapping_sub(now.wrapping_sub(*last).min(OLD_US));
-        }
+    /// The same with another decay.
+    pub fn with_decay(self, decay: Decay) -> Self {
+        Self { decay, ..self }
     }
 }
 
@@ -113,64 +97,30 @@ impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> Representation for TimeSurface<P, 
     }
 
     fn begin(&mut self, window: Window, _: &mut [P]) {
-        self.settle(window);
-        self.window = window;
+        self.stamps.begin(window);
     }
 
     fn accumulate(&mut self, span: Span<'_>, _: &mut [P]) -> Result<(), WrongGeometry> {
         check(self.geometry, &span)?;
-        let (geometry, window, map) = (self.geometry, self.window, self.map.as_mut());
-        widest(
-            #[inline(always)]
-            || draw_each(span.events, Places::by_polarity(geometry), map, &mut Stamping::new(window)),
-        );
+        self.stamps.accumulate(span.events, Places::by_polarity(self.geometry));
         Ok(())
     }
 
     fn finish(&mut self, out: &mut [P]) {
-        let (now, tau_us, map) = (self.window.t1 as u32, self.tau_us, self.map.as_ref());
+        let (tau_us, decay, (now, map)) = (self.tau_us, self.decay, self.stamps.ages());
         widest(
             #[inline(always)]
-            || decay(now, tau_us, map, out),
+            || match decay {
+                Decay::Exponential => exponential(now, tau_us, map, out),
+                Decay::Linear => linear(now, tau_us, map, out),
+            },
         );
-    }
-}
-
-/// Notes the times of events, as far as they lie in the window.
-struct Stamping {
-    t0: u32,
-    length: i32,
-}
-
-impl Stamping {
-    fn new(window: Window) -> Self {
-        let length = window.t1.saturating_sub(window.t0).min(OLD_US.into()) as i32;
-        Self { t0: window.t0 as u32, length }
-    }
-}
-
-impl Draw for Stamping {
-    type Pixel = u32;
-    type Value = u32;
-
-    #[inline(always)]
-    fn prepare(&self, event: Event, _: &mut u32) -> u32 {
-        let since = (event.t().wrapping_sub(self.t0) as i32).max(0).min(self.length);
-        self.t0.wrapping_add(since as u32)
-    }
-
-    #[inline(always)]
-    fn draw(&mut self, map: &mut [u32], at: usize, stamp: u32) {
-        // Stores that miss the cache wait for each other, loads do not: hence the look before.
-        if let Some(last) = map.get_mut(at).filter(|last| **last != stamp) {
-            *last = stamp;
-        }
     }
 }
 
 /// exp(-age / tau) of each time in the map.
 #[inline(always)]
-fn decay<P: Real>(now: u32, tau_us: u32, map: &[u32], out: &mut [P]) {
+fn exponential<P: Real>(now: u32, tau_us: u32, map: &[u32], out: &mut [P]) {
     let rate = -1.0 / tau_us as f32;
     let age_end = (tau_us * DECAYS_MAX) as i32;
     for (pixel, last) in out.iter_mut().zip(map) {
@@ -180,13 +130,23 @@ fn decay<P: Real>(now: u32, tau_us: u32, map: &[u32], out: &mut [P]) {
     }
 }
 
+/// 1 - age / tau of each time in the map, 0 at least.
+#[inline(always)]
+fn linear<P: Real>(now: u32, tau_us: u32, map: &[u32], out: &mut [P]) {
+    let rate = 1.0 / tau_us as f32;
+    for (pixel, last) in out.iter_mut().zip(map) {
+        let left = (tau_us as i32).wrapping_sub(now.wrapping_sub(*last) as i32).max(0);
+        *pixel = P::from_share(left as f32 * rate);
+    }
+}
+
 impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> Build<S> for TimeSurface<P, S> {
     fn state_len(_: &Parameters, geometry: Geometry) -> usize {
         Self::state_len(geometry)
     }
 
     fn build(parameters: &Parameters, geometry: Geometry, state: S) -> Result<Self, BadRepresentation> {
-        Self::try_new(geometry, parameters.tau_us, state)
+        Ok(Self::try_new(geometry, parameters.tau_us, state)?.with_decay(parameters.decay))
     }
 }
 
@@ -200,11 +160,11 @@ mod tests {
         let map: Vec<u32> =
             (0..2 * geometry.pixels() as u32).map(|i| i.wrapping_mul(0x9E37_79B1) >> 9).collect();
         let mut surface = TimeSurface::<f32, _>::try_new(geometry, 300_000, map.clone()).unwrap();
-        surface.window.t1 = 1 << 23;
+        surface.stamps = Stamps::at(1 << 23, map.clone());
         let mut wide = vec![0.0; map.len()];
         surface.finish(&mut wide);
         let mut plain = vec![0.0f32; map.len()];
-        decay(1 << 23, 300_000, &map, &mut plain);
+        exponential(1 << 23, 300_000, &map, &mut plain);
         let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&wide), bits(&plain));
         assert!(wide.iter().filter(|value| **value > 0.0).count() > map.len() / 2);

@@ -14,10 +14,33 @@ const ROUND: f32 = 8_388_608.0; // 2^23
 
 const SIGN_BIT: u32 = 1 << 31;
 
-/// Signed events in bins of time: bins x H x W of f32.
+/// Which planes the polarities of a [`VoxelGrid`] go to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum Polarities {
+    /// The same: ON adds and OFF subtracts.
+    #[default]
+    Signed,
+    /// Their own, where both add: all bins of ON, then all of OFF.
+    Apart,
+}
+
+/// Which bins an event of a [`VoxelGrid`] adds to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum Interpolation {
+    /// The two around it in time, to each the more the nearer it is.
+    #[default]
+    Linear,
+    /// The nearest in time; at a tie, the even one.
+    Nearest,
+}
+
+/// Events in bins of time: bins x H x W of f32, or twice as many bins with [`Polarities::Apart`].
 ///
 /// An event of sign ±1 (ON +) at position `(t - t0) / (t1 - t0) * (bins - 1)` adds to the two bins around it, to each
-/// the more the nearer it is. One bin holds the plain sum of signs. No normalisation.
+/// the more the nearer it is; with [`Interpolation::Nearest`], all of it to the nearer. One bin holds the plain sum.
+/// No normalisation ([`SliceVoxelGrid`](crate::representation::SliceVoxelGrid) has it).
 ///
 /// With a window that ends at the newest event's time this is the voxel grid of libraries that count ages from there.
 ///
@@ -38,17 +61,30 @@ const SIGN_BIT: u32 = 1 << 31;
 pub struct VoxelGrid {
     geometry: Geometry,
     bins: u16,
+    polarities: Polarities,
+    interpolation: Interpolation,
     clock: Clock,
 }
 
 impl VoxelGrid {
-    /// For a sensor of this size; at least 1 bin, and no more than 2^32 elements in all.
+    /// For a sensor of this size, signed and linear; at least 1 bin, and no more than 2^32 elements in all.
     pub const fn try_new(geometry: Geometry, bins: u16) -> Result<Self, BadRepresentation> {
-        let len = geometry.pixels() as u64 * bins as u64;
-        if bins == 0 || len > 1 << 32 {
+        Self::try_with(geometry, bins, Polarities::Signed, Interpolation::Linear)
+    }
+
+    /// The same with other polarities or interpolation.
+    pub const fn try_with(
+        geometry: Geometry,
+        bins: u16,
+        polarities: Polarities,
+        interpolation: Interpolation,
+    ) -> Result<Self, BadRepresentation> {
+        let planes = bins as u64 * if matches!(polarities, Polarities::Apart) { 2 } else { 1 };
+        if bins == 0 || geometry.pixels() as u64 * planes > 1 << 32 {
             return Err(BadRepresentation::Bins { found: bins });
         }
-        Ok(Self { geometry, bins, clock: Clock { t0: 0, length: 0, bins_per_us: 0.0 } })
+        let clock = Clock { t0: 0, length: 0, bins_per_us: 0.0, last: 0.0 };
+        Ok(Self { geometry, bins, polarities, interpolation, clock })
     }
 }
 
@@ -58,24 +94,33 @@ struct Clock {
     t0: u32,
     length: i32,
     bins_per_us: f32,
+    /// The last bin: rounding leads beyond it, which would be the first of OFF.
+    last: f32,
 }
 
 impl Clock {
     fn new(window: Window, bins: u16) -> Self {
         let length = window.t1.saturating_sub(window.t0).min(i32::MAX as u64) as i32;
         let intervals = bins.saturating_sub(1) as f32;
-        Self { t0: window.t0 as u32, length, bins_per_us: intervals / length.max(1) as f32 }
+        Self { t0: window.t0 as u32, length, bins_per_us: intervals / length.max(1) as f32, last: intervals }
     }
 
     /// The bin at or before the event and the share of the one after it.
     #[inline(always)]
     fn bin(&self, event: Event) -> (u32, f32) {
         let age = (event.t().wrapping_sub(self.t0) as i32).max(0).min(self.length);
-        let position = age as f32 * self.bins_per_us;
+        let position = (age as f32 * self.bins_per_us).min(self.last);
         // The whole number nearest to half below; at a tie either will do, since one of the two shares is 0 then.
         let rounded = (position - 0.5).max(0.0) + ROUND;
         let bin = rounded.to_bits() & 0xFFFF;
         (bin, position - (rounded - ROUND))
+    }
+
+    /// The bin nearest to the event.
+    #[inline(always)]
+    fn nearest(&self, event: Event) -> u32 {
+        let age = (event.t().wrapping_sub(self.t0) as i32).max(0).min(self.length);
+        (age as f32 * self.bins_per_us + ROUND).to_bits() & 0xFFFF
     }
 }
 
@@ -83,8 +128,9 @@ impl Representation for VoxelGrid {
     type Pixel = f32;
 
     fn shape(&self) -> Shape {
+        let planes = if self.polarities == Polarities::Apart { 2 } else { 1 };
         Shape {
-            channels: self.bins.into(),
+            channels: planes * usize::from(self.bins),
             height: self.geometry.height.into(),
             width: self.geometry.width.into(),
         }
@@ -97,10 +143,13 @@ impl Representation for VoxelGrid {
 
     fn accumulate(&mut self, span: Span<'_>, out: &mut [f32]) -> Result<(), WrongGeometry> {
         check(self.geometry, &span)?;
-        let (geometry, clock) = (self.geometry, self.clock);
+        let (places, planes) = (Places::by_pixel(self.geometry), Planes::of(self));
         widest(
             #[inline(always)]
-            || add(geometry, clock, span.events, out),
+            || match self.interpolation {
+                Interpolation::Linear => draw_each(span.events, places, out, &mut Sharing(planes)),
+                Interpolation::Nearest => draw_each(span.events, places, out, &mut Placing(planes)),
+            },
         );
         Ok(())
     }
@@ -108,17 +157,39 @@ impl Representation for VoxelGrid {
     fn finish(&mut self, _: &mut [f32]) {}
 }
 
-/// Adds events to the two bins around each.
-#[inline(always)]
-fn add(geometry: Geometry, clock: Clock, events: &[Event], out: &mut [f32]) {
-    draw_each(events, Places::by_pixel(geometry), out, &mut Sharing { clock, pixels: geometry.pixels() });
+/// Where events go and with what sign.
+#[derive(Clone, Copy)]
+struct Planes {
+    clock: Clock,
+    pixels: usize,
+    /// How far the bins of OFF are from those of ON.
+    off: u32,
+    /// The sign of OFF.
+    off_sign: u32,
+}
+
+impl Planes {
+    fn of(grid: &VoxelGrid) -> Self {
+        let pixels = grid.geometry.pixels();
+        let (off, off_sign) = match grid.polarities {
+            Polarities::Signed => (0, SIGN_BIT),
+            Polarities::Apart => ((pixels * usize::from(grid.bins)) as u32, 0),
+        };
+        Self { clock: grid.clock, pixels, off, off_sign }
+    }
+
+    /// Moves `at` to the bin and gives the weight its sign.
+    #[inline(always)]
+    fn enter(&self, event: Event, bin: u32, at: &mut u32) -> impl Fn(f32) -> f32 {
+        let off = !event.on_mask();
+        *at = at.wrapping_add(bin.wrapping_mul(self.pixels as u32)).wrapping_add(off & self.off);
+        let sign = off & self.off_sign;
+        move |weight| f32::from_bits(weight.to_bits() ^ sign)
+    }
 }
 
 /// Shares each event between two bins.
-struct Sharing {
-    clock: Clock,
-    pixels: usize,
-}
+struct Sharing(Planes);
 
 impl Draw for Sharing {
     type Pixel = f32;
@@ -126,16 +197,14 @@ impl Draw for Sharing {
 
     #[inline(always)]
     fn prepare(&self, event: Event, at: &mut u32) -> [f32; 2] {
-        let (bin, share) = self.clock.bin(event);
-        *at = at.wrapping_add(bin.wrapping_mul(self.pixels as u32));
-        let off = !event.on_mask() & SIGN_BIT;
-        [1.0 - share, share].map(|weight| f32::from_bits(weight.to_bits() ^ off))
+        let (bin, share) = self.0.clock.bin(event);
+        [1.0 - share, share].map(self.0.enter(event, bin, at))
     }
 
     #[inline(always)]
     fn look_ahead(&self, out: &[f32], at: usize) {
         prefetch(out, at);
-        prefetch(out, at + self.pixels);
+        prefetch(out, at + self.0.pixels);
     }
 
     #[inline(always)]
@@ -143,8 +212,29 @@ impl Draw for Sharing {
         if let Some(cell) = out.get_mut(at) {
             *cell += low;
         }
-        if let Some(cell) = out.get_mut(at + self.pixels) {
+        if let Some(cell) = out.get_mut(at + self.0.pixels) {
             *cell += high;
+        }
+    }
+}
+
+/// Adds each event to one bin.
+struct Placing(Planes);
+
+impl Draw for Placing {
+    type Pixel = f32;
+    type Value = f32;
+
+    #[inline(always)]
+    fn prepare(&self, event: Event, at: &mut u32) -> f32 {
+        let bin = self.0.clock.nearest(event);
+        self.0.enter(event, bin, at)(1.0)
+    }
+
+    #[inline(always)]
+    fn draw(&mut self, out: &mut [f32], at: usize, weight: f32) {
+        if let Some(cell) = out.get_mut(at) {
+            *cell += weight;
         }
     }
 }
@@ -155,7 +245,7 @@ impl<S> Build<S> for VoxelGrid {
     }
 
     fn build(parameters: &Parameters, geometry: Geometry, _: S) -> Result<Self, BadRepresentation> {
-        Self::try_new(geometry, parameters.bins)
+        Self::try_with(geometry, parameters.bins, parameters.polarities, parameters.interpolation)
     }
 }
 
@@ -178,7 +268,8 @@ mod tests {
         stage.begin(window, &mut wide);
         stage.accumulate(Span { t_first: 0, t_last: 0, geometry, events: &events }, &mut wide).unwrap();
         let mut plain = vec![0.0f32; wide.len()];
-        add(geometry, Clock::new(window, 9), &events, &mut plain);
+        let planes = Planes { clock: Clock::new(window, 9), ..Planes::of(&stage) };
+        draw_each(&events, Places::by_pixel(geometry), &mut plain, &mut Sharing(planes));
         let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&wide), bits(&plain));
     }

@@ -5,6 +5,7 @@
 mod chunk_invariance;
 mod filter;
 mod representation;
+mod representation_oracles;
 mod round_trip;
 #[cfg(feature = "alloc")]
 mod simulation;

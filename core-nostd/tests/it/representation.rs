@@ -12,8 +12,8 @@ use lobula_core::{
 };
 use proptest::prelude::*;
 
-const GEOMETRY: Geometry = Geometry::new(16, 4);
-const PIXELS: usize = GEOMETRY.pixels();
+pub const GEOMETRY: Geometry = Geometry::new(16, 4);
+pub const PIXELS: usize = GEOMETRY.pixels();
 
 /// What a representation is built from in tests: small, and with a decay that shows.
 fn parameters() -> Parameters {
@@ -23,7 +23,7 @@ fn parameters() -> Parameters {
 }
 
 /// Tensors of all windows of a stream, through the slicer; before each, the memory holds garbage.
-fn render<R: Representation>(
+pub fn render<R: Representation>(
     stage: &mut R,
     events: &[Timed],
     period_us: u32,
@@ -45,16 +45,16 @@ fn render<R: Representation>(
     tensors
 }
 
-fn pixel(event: Event) -> usize {
+pub fn pixel(event: Event) -> usize {
     GEOMETRY.index(event.x(), event.y())
 }
 
 /// Pixel in the planes ON, OFF.
-fn pixel_by_polarity(event: Event) -> usize {
+pub fn pixel_by_polarity(event: Event) -> usize {
     pixel(event) + if event.is_on() { 0 } else { PIXELS }
 }
 
-fn counts(inside: &[Timed], cells: usize, cell: impl Fn(Event) -> usize) -> Vec<u64> {
+pub fn counts(inside: &[Timed], cells: usize, cell: impl Fn(Event) -> usize) -> Vec<u64> {
     let mut counts = vec![0; cells];
     inside.iter().for_each(|timed| counts[cell(timed.event)] += 1);
     counts
@@ -83,7 +83,7 @@ fn check_counts<R: Representation + Build<Vec<u32>>>(
 }
 
 /// The voxel grid by its definition, in double precision.
-fn voxel(window: Window, inside: &[Timed], bins: usize) -> Vec<f64> {
+pub fn voxel(window: Window, inside: &[Timed], bins: usize) -> Vec<f64> {
     let mut out = vec![0.0; bins * PIXELS];
     for timed in inside {
         let age = timed.t.max(window.t0) - window.t0;

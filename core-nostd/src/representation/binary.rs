@@ -1,0 +1,85 @@
+//! Which pixels had an event.
+
+use crate::representation::index::{Draw, Places, draw_each};
+use crate::representation::{BadRepresentation, Build, Parameters, check};
+use crate::vector::widest;
+use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
+
+/// 1 where a pixel had an event of either polarity, 0 else: 1 x H x W of u8.
+///
+/// ```
+/// use lobula_core::representation::Binary;
+/// use lobula_core::{Event, Geometry, Polarity, Representation, Span, Window};
+/// let geometry = Geometry::new(3, 1);
+/// let events = [Event::new(5, 1, 0, Polarity::On), Event::new(6, 1, 0, Polarity::Off)];
+/// let mut out = [0xFF; 3]; // whatever was there
+/// let mut binary = Binary::new(geometry);
+/// binary.begin(Window { t0: 0, t1: 10 }, &mut out);
+/// binary.accumulate(Span { t_first: 5, t_last: 6, geometry, events: &events }, &mut out)?;
+/// binary.finish(&mut out);
+/// assert_eq!(out, [0, 1, 0]);
+/// # Ok::<(), lobula_core::WrongGeometry>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Binary {
+    geometry: Geometry,
+}
+
+impl Binary {
+    /// For a sensor of this size.
+    pub const fn new(geometry: Geometry) -> Self {
+        Self { geometry }
+    }
+}
+
+impl Representation for Binary {
+    type Pixel = u8;
+
+    fn shape(&self) -> Shape {
+        Shape { channels: 1, height: self.geometry.height.into(), width: self.geometry.width.into() }
+    }
+
+    fn begin(&mut self, _: Window, out: &mut [u8]) {
+        out.fill(0);
+    }
+
+    fn accumulate(&mut self, span: Span<'_>, out: &mut [u8]) -> Result<(), WrongGeometry> {
+        check(self.geometry, &span)?;
+        let places = Places::by_pixel(self.geometry);
+        widest(
+            #[inline(always)]
+            || draw_each(span.events, places, out, &mut Marking),
+        );
+        Ok(())
+    }
+
+    fn finish(&mut self, _: &mut [u8]) {}
+}
+
+/// Marks the pixel of each event.
+struct Marking;
+
+impl Draw for Marking {
+    type Pixel = u8;
+    type Value = ();
+
+    #[inline(always)]
+    fn prepare(&self, _: Event, _: &mut u32) {}
+
+    #[inline(always)]
+    fn draw(&mut self, out: &mut [u8], at: usize, (): ()) {
+        if let Some(cell) = out.get_mut(at) {
+            *cell = 1;
+        }
+    }
+}
+
+impl<S> Build<S> for Binary {
+    fn state_len(_: &Parameters, _: Geometry) -> usize {
+        0
+    }
+
+    fn build(_: &Parameters, geometry: Geometry, _: S) -> Result<Self, BadRepresentation> {
+        Ok(Self::new(geometry))
+    }
+}
