@@ -33,6 +33,20 @@ impl<'a> Span<'a> {
         full_time(self.t_first, event.t())
     }
 
+    /// Largest distance of an event's time from [`t_first`](Self::t_first), in µs.
+    pub fn reach(&self) -> u64 {
+        let anchor = self.t_first as u32;
+        let distance = |event: &Event| (event.t().wrapping_sub(anchor) as i32).unsigned_abs();
+        u64::from(self.events.iter().map(distance).max().unwrap_or(0))
+    }
+
+    /// How many of the first events lie within `reach` µs of the first of them: at least 1, but of an empty span.
+    pub fn fitting(&self, reach: u64) -> usize {
+        let Some(first) = self.events.first() else { return 0 };
+        let near = |event: &Event| self.time(*event).abs_diff(self.time(*first)) <= reach;
+        self.events.iter().position(|event| !near(event)).unwrap_or(self.events.len())
+    }
+
     /// The same span with a part of its events.
     #[inline]
     pub const fn with_events(self, events: &'a [Event]) -> Self {

@@ -61,6 +61,23 @@ impl Event {
         bytemuck::cast(packed::pack(word as u32, (word >> 32) as u32))
     }
 
+    /// The event as one word, as [`from_word`](Self::from_word) takes it.
+    ///
+    /// ```
+    /// use lobula_core::{Event, Polarity};
+    /// assert_eq!(Event::new(7, 640, 360, Polarity::On).word(), 7 | 640 << 32 | 360 << 48 | 1 << 63);
+    /// ```
+    #[inline(always)]
+    pub fn word(self) -> u64 {
+        packed::unpack(bytemuck::cast(self))
+    }
+
+    /// The same event at another time.
+    #[inline]
+    pub const fn with_t(self, t: u32) -> Self {
+        Self { t, ..self }
+    }
+
     /// Sensor time in µs, modulo 2^32.
     #[inline]
     pub const fn t(self) -> u32 {
@@ -112,6 +129,12 @@ pub(crate) mod packed {
         let (t, pixel) = (t as u64, pixel as u64);
         if LITTLE { t | pixel << 32 } else { t << 32 | (pixel & 0xFFFF) << 16 | pixel >> 16 }
     }
+
+    /// Of a packed event, time in bits 0..31 and pixel above, on every machine.
+    #[inline(always)]
+    pub(crate) const fn unpack(packed: u64) -> u64 {
+        if LITTLE { packed } else { packed >> 32 | (packed >> 16 & 0xFFFF) << 32 | packed << 48 }
+    }
 }
 
 impl core::fmt::Debug for Event {
@@ -135,6 +158,7 @@ mod tests {
         let packed = packed::pack(0x0403_0201, 0x8007_0605);
         let event = Event::new(0x0403_0201, 0x0605, 0x0007, Polarity::On);
         assert_eq!(bytemuck::cast::<u64, Event>(packed), event);
+        assert_eq!(event.word(), 0x0403_0201 | 0x8007_0605 << 32);
         let right = Event::new(0x0403_0201, 0x0608, 0x0007, Polarity::On);
         assert_eq!(bytemuck::cast::<u64, Event>(packed + 3 * packed::COLUMN), right);
     }

@@ -29,6 +29,13 @@ mod prefetch;
 pub mod time_map;
 
 pub mod filter;
+pub mod transform;
+
+pub mod augmentation;
+pub mod merge;
+mod random;
+pub mod slice;
+
 pub mod pipeline;
 
 pub mod math;
@@ -47,7 +54,7 @@ pub use counters::{Counters, Fault, Faults};
 pub use event::{Event, Polarity};
 pub use geometry::{Geometry, WrongGeometry};
 pub use stage::{
-    Decode, Detector, Encode, Encoded, Filter, Refused, Representation, Shape, Transform, Window,
+    Decode, Detector, Encode, Encoded, Filter, Refused, Representation, Shape, Transform, Unfit, Window,
 };
 pub use trigger::Trigger;
 pub use unwrap::Unwrap;

@@ -132,13 +132,57 @@ pub trait Filter {
 }
 
 /// Moves events: to other pixels, times or polarities.
+///
+/// For implementers: what becomes of an event depends on it and the events before it only. What has no place on the
+/// sensor after it, or lies before time 0, is dropped, never wrapped: `block.len()` before less what is returned tells
+/// how many. An event off the sensor, which no decoder gives, is dropped or stays off the sensor
+/// (where rows beyond the last can be told at all: of 32768 there are none).
 pub trait Transform {
     /// The sensor's size after it.
-    fn geometry(&self, input: Geometry) -> Geometry;
+    fn output_geometry(&self) -> Geometry;
 
-    /// Changes a block in place; returns how many events are left on the new sensor.
-    fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, WrongGeometry>;
+    /// Longest reach (see [`Span::reach`]) of a block that it takes, so that the block reaches at most `after` when it
+    /// is done. Other than `after` only where it moves events in time.
+    fn reach_max(&self, after: u64) -> u64 {
+        after
+    }
+
+    /// Changes a block in place, its geometry and its times included; returns how many events are left. A block that
+    /// it does not take is not touched.
+    fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit>;
 }
+
+/// Why a transform does not take a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unfit {
+    /// It is of another sensor.
+    Geometry(WrongGeometry),
+    /// Its times would lie too far apart afterwards for one block. No event is lost: give it in shorter blocks,
+    /// [`Span::fitting`] says where to cut.
+    Reach {
+        /// Longest reach taken, in µs.
+        reach_max: u64,
+    },
+}
+
+impl From<WrongGeometry> for Unfit {
+    fn from(wrong: WrongGeometry) -> Self {
+        Self::Geometry(wrong)
+    }
+}
+
+impl core::fmt::Display for Unfit {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Geometry(wrong) => wrong.fmt(f),
+            Self::Reach { reach_max } => {
+                write!(f, "block spans too long to be moved in time: give blocks of at most {reach_max} µs")
+            }
+        }
+    }
+}
+
+impl core::error::Error for Unfit {}
 
 /// A half-open stretch of stream time, `[t0, t1)` in µs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

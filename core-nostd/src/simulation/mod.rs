@@ -17,7 +17,6 @@ mod camera;
 mod noise;
 mod object;
 mod pixels;
-mod random;
 mod scene;
 mod spec;
 mod texture;

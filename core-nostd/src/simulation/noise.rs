@@ -1,9 +1,9 @@
 //! What a sensor sends that is not in the scene: leak, shot noise and hot pixels.
 
-use super::random::Random;
 use super::scene::{Label, Tagged};
 use super::spec::SceneSpec;
 use crate::Polarity;
+use crate::random::Random;
 
 /// Events per second of each kind of noise over the whole sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,8 +1,8 @@
 //! The moving part of the scene: bars and discs on closed paths of their own, before the still part.
 
-use super::random::Random;
 use super::texture::{Kind, SUBPIXEL, Shape, random_contrast};
 use crate::Geometry;
+use crate::random::Random;
 
 /// A full turn of a path.
 pub(super) const TURN: u32 = 1 << 16;

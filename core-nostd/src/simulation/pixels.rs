@@ -1,8 +1,8 @@
 //! The pixels of the sensor: an event for each threshold that log intensity crosses.
 
 use super::object::{Object, TURN, scaled, sine};
-use super::random::Random;
 use super::texture::{LOG_ONE, RADIUS_PX, SUBPIXEL, Texture};
+use crate::random::Random;
 use crate::{Geometry, Polarity};
 use alloc::vec;
 use alloc::vec::Vec;

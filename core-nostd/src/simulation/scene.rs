@@ -3,9 +3,9 @@
 use super::noise::{NoiseRates, noise};
 use super::object::Object;
 use super::pixels::{Crossing, FRAMES, Pixels, TICKS};
-use super::random::Random;
 use super::spec::{SceneSpec, SpecError};
 use super::texture::Texture;
+use crate::random::Random;
 use crate::{Event, Geometry, Polarity};
 use alloc::vec::Vec;
 

@@ -1,7 +1,7 @@
 //! The still part of the scene: a picture of log intensity, larger than the sensor, over which the camera moves.
 
-use super::random::Random;
 use crate::Geometry;
+use crate::random::Random;
 use alloc::vec;
 use alloc::vec::Vec;
 

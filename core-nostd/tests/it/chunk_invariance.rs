@@ -23,8 +23,8 @@
 
 use crate::streams::{self, Timed};
 use lobula_core::{
-    Counters, Decode, Detector, Encode, Event, Filter, Geometry, Refused, Representation, Sink, Span,
-    Transform, Trigger, Window,
+    Counters, Decode, Detector, Encode, Event, Filter, Geometry, Refused, Representation, SPAN_MAX_US, Sink,
+    Span, Transform, Trigger, Window,
 };
 
 /// The sensor of the random streams. Not of a round size, and larger than the pixels that streams favour.
@@ -209,17 +209,26 @@ pub fn filter(mut filter: impl Filter, events: &[Timed], splits: &mut Splits) ->
     out
 }
 
-/// Transforms pieces of a stream; what becomes of it.
+/// Transforms pieces of a stream, each of a reach that the stage takes; what becomes of it.
 pub fn transform(mut transform: impl Transform, events: &[Timed], splits: &mut Splits) -> Vec<Timed> {
     let mut out = vec![];
+    let reach_max = transform.reach_max(SPAN_MAX_US - 1);
     for_each_piece(events, splits, |piece| {
-        let mut memory = streams::block_events(piece);
-        let mut block = streams::block(piece, &mut memory, GEOMETRY);
-        let left = transform.apply(&mut block).unwrap();
-        assert_eq!(left, block.len());
-        out.extend(
-            block.span().events.iter().map(|event| Timed { t: block.span().time(*event), event: *event }),
-        );
+        let mut rest = piece;
+        while !rest.is_empty() {
+            let mut memory = streams::block_events(rest);
+            let fitting = streams::block(rest, &mut memory, GEOMETRY).span().fitting(reach_max);
+            let (piece, after) = rest.split_at(fitting);
+            let mut block = streams::block(piece, &mut memory[..fitting], GEOMETRY);
+            let left = transform.apply(&mut block).unwrap();
+            assert_eq!(left, block.len());
+            assert_eq!(block.geometry, transform.output_geometry());
+            assert!(block.events_on_sensor());
+            out.extend(
+                block.span().events.iter().map(|event| Timed { t: block.span().time(*event), event: *event }),
+            );
+            rest = after;
+        }
     });
     out
 }
@@ -440,11 +449,11 @@ impl Filter for Still {
 }
 
 impl Transform for Still {
-    fn geometry(&self, input: Geometry) -> Geometry {
-        input
+    fn output_geometry(&self) -> Geometry {
+        GEOMETRY
     }
 
-    fn apply(&mut self, block: &mut lobula_core::Block<'_>) -> Result<usize, lobula_core::WrongGeometry> {
+    fn apply(&mut self, block: &mut lobula_core::Block<'_>) -> Result<usize, lobula_core::Unfit> {
         Ok(block.len())
     }
 }

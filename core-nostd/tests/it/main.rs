@@ -3,13 +3,17 @@
 
 #[macro_use]
 mod chunk_invariance;
+mod augmentation;
 mod filter;
+mod merge;
 mod representation;
 mod representation_oracles;
 mod round_trip;
 #[cfg(feature = "alloc")]
 mod simulation;
+mod slice;
 mod streams;
+mod transform;
 mod truth;
 mod window;
 mod wire;

@@ -12,6 +12,8 @@ mod export;
 mod filters;
 mod representations;
 mod rings;
+mod slices;
+mod transforms;
 mod wire;
 
 use export::Export;
@@ -43,7 +45,16 @@ unsafe fn planted(bytes: *const u8, len: usize, index: usize) -> u8 {
 /// The linker's root: whoever calls it may call anything that is proven.
 #[unsafe(no_mangle)]
 pub extern "C" fn lobula_proof(list: usize, index: usize) -> *const () {
-    let lists = [wire::EXPORTS, filters::EXPORTS, representations::EXPORTS, rings::EXPORTS, PLANTED];
+    let lists = [
+        wire::EXPORTS,
+        filters::EXPORTS,
+        transforms::EXPORTS,
+        transforms::AUGMENTATIONS,
+        slices::EXPORTS,
+        representations::EXPORTS,
+        rings::EXPORTS,
+        PLANTED,
+    ];
     let export = lists.get(list).and_then(|list| list.get(index));
     export.map_or(core::ptr::null(), Export::pointer)
 }
