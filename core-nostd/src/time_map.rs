@@ -64,6 +64,21 @@ pub trait Stamp: Copy + Pod + Default + PartialEq + core::fmt::Debug + sealed::S
 
     /// The same word with one bit set to `bit`.
     fn with_bit(self, place: u32, bit: bool) -> Self;
+
+    /// Three bits that follow each other, from bit `place` of this word on, of it and the `next`.
+    fn three_bits(self, next: Self, place: u32) -> u32;
+
+    /// 1 if `then` is longer ago than this time less `dt`, as `floor` tells: the sign of its margin.
+    fn is_before(self, floor: Self) -> Self;
+
+    /// Sum of a few small numbers.
+    fn plus(self, other: Self) -> Self;
+
+    /// The same number.
+    fn number(self) -> u32;
+
+    /// This time less `dt`.
+    fn less(self, dt: i32) -> Self;
 }
 
 impl Stamp for u32 {
@@ -106,6 +121,32 @@ impl Stamp for u32 {
     #[inline]
     fn with_bit(self, place: u32, bit: bool) -> Self {
         (self & !Self::wrapping_shl(1, place)) | Self::wrapping_shl(bit as Self, place)
+    }
+
+    #[inline(always)]
+    fn three_bits(self, next: Self, place: u32) -> u32 {
+        let both = self as u64 | (next as u64) << Self::BITS;
+        (both.wrapping_shr(place) & 7) as u32
+    }
+
+    #[inline(always)]
+    fn is_before(self, floor: Self) -> Self {
+        self.wrapping_sub(floor) >> (Self::BITS - 1)
+    }
+
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        self.wrapping_add(other)
+    }
+
+    #[inline(always)]
+    fn number(self) -> u32 {
+        self
+    }
+
+    #[inline(always)]
+    fn less(self, dt: i32) -> Self {
+        self.wrapping_sub(dt as Self)
     }
 }
 
@@ -150,6 +191,32 @@ impl Stamp for u16 {
     #[inline]
     fn with_bit(self, place: u32, bit: bool) -> Self {
         (self & !Self::wrapping_shl(1, place)) | Self::wrapping_shl(bit as Self, place)
+    }
+
+    #[inline(always)]
+    fn three_bits(self, next: Self, place: u32) -> u32 {
+        let both = self as u64 | (next as u64) << Self::BITS;
+        (both.wrapping_shr(place) & 7) as u32
+    }
+
+    #[inline(always)]
+    fn is_before(self, floor: Self) -> Self {
+        self.wrapping_sub(floor) >> (Self::BITS - 1)
+    }
+
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        self.wrapping_add(other)
+    }
+
+    #[inline(always)]
+    fn number(self) -> u32 {
+        self as u32
+    }
+
+    #[inline(always)]
+    fn less(self, dt: i32) -> Self {
+        self.wrapping_sub(dt as Self)
     }
 }
 
@@ -510,6 +577,12 @@ impl<'a, T: Stamp> Pixels<'a, T> {
         let (n, pixel, s) = (self.above.get(j)?, self.level.get(j)?, self.below.get(j)?);
         let (nw, w, sw) = (self.above.get(i)?, self.level.get(i)?, self.below.get(i)?);
         Some((pixel, [n, w, e, s, nw, ne, sw, se].map(Cell::get)))
+    }
+
+    /// Entries from one row to the next.
+    #[inline(always)]
+    pub(crate) fn stride(&self) -> usize {
+        self.stride as usize
     }
 
     /// The memory behind the map, for what else a stage keeps.

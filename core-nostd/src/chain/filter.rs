@@ -28,6 +28,22 @@ pub enum FilterSpec {
     Denoise(DenoiseSpec),
     /// [`DoubleWindow`].
     DoubleWindow(DoubleWindowParams),
+    /// [`Stcf`].
+    Stcf(StcfParams),
+    /// [`MaskFilter`].
+    Mask(MaskSpec),
+    /// [`LeakyHotPixel`].
+    LeakyHotPixel(LeakyHotPixelParams),
+    /// [`Trail`].
+    Trail(TrailParams),
+    /// [`Inceptive`].
+    Inceptive(InceptiveParams),
+    /// [`AntiFlicker`].
+    AntiFlicker(AntiFlickerParams),
+    /// [`Decimate`].
+    Decimate(DecimateParams),
+    /// [`RateLimit`].
+    RateLimit(RateLimitParams),
 }
 
 impl FilterSpec {
@@ -41,6 +57,14 @@ impl FilterSpec {
             Self::BackgroundActivity(_) => "background_activity",
             Self::Denoise(_) => "denoise",
             Self::DoubleWindow(_) => "double_window",
+            Self::Stcf(_) => "stcf",
+            Self::Mask(_) => "mask",
+            Self::LeakyHotPixel(_) => "leaky_hot_pixel",
+            Self::Trail(_) => "trail",
+            Self::Inceptive(_) => "inceptive",
+            Self::AntiFlicker(_) => "anti_flicker",
+            Self::Decimate(_) => "decimate",
+            Self::RateLimit(_) => "rate_limit",
         }
     }
 }
@@ -111,6 +135,17 @@ impl AnyFilter {
                 make(geometry, spec.params())?.masking(&spec.hot_pixels, geometry)
             }
             FilterSpec::DoubleWindow(params) => double_window::make(geometry, *params),
+            FilterSpec::Stcf(params) if params.shift == 0 => stcf_u32::make(geometry, *params),
+            FilterSpec::Stcf(params) => stcf_u16::make(geometry, *params),
+            FilterSpec::Mask(spec) => mask::make(geometry, spec.keep)?.masking(&spec.pixels, geometry),
+            FilterSpec::LeakyHotPixel(params) => leaky_hot_pixel::make(geometry, *params),
+            FilterSpec::Trail(params) if params.shift == 0 => trail_u32::make(geometry, *params),
+            FilterSpec::Trail(params) => trail_u16::make(geometry, *params),
+            FilterSpec::Inceptive(params) if params.shift == 0 => inceptive_u32::make(geometry, *params),
+            FilterSpec::Inceptive(params) => inceptive_u16::make(geometry, *params),
+            FilterSpec::AntiFlicker(params) => anti_flicker::make(geometry, *params),
+            FilterSpec::Decimate(params) => decimate::make(geometry, *params),
+            FilterSpec::RateLimit(params) => rate_limit::make(geometry, *params),
         }
     }
 }
@@ -120,6 +155,7 @@ impl AnyFilter {
     fn masking(mut self, pixels: &[(u16, u16)], geometry: Geometry) -> Result<Self, ChainCause> {
         let mut mask = |x, y| match &mut self {
             Self::HotPixel(filter) => filter.mask(x, y),
+            Self::Mask(filter) => filter.insert(x, y),
             Self::DenoiseU32(filter) => filter.mask(x, y),
             Self::DenoiseU16(filter) => filter.mask(x, y),
             _ => false,
@@ -139,6 +175,17 @@ pub struct HotPixelSpec {
     pub pixels: Vec<(u16, u16)>,
 }
 
+/// Settings of a [`MaskFilter`].
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MaskSpec {
+    /// The mask's pixels, each `[x, y]`.
+    pub pixels: Vec<(u16, u16)>,
+    /// Which events are kept; by default those of the mask's pixels.
+    #[serde(default)]
+    pub keep: MaskKeep,
+}
+
 /// Settings of a [`Denoise`] stage: its [`DenoiseParams`] and its hot pixels. Every key has a default.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -149,6 +196,8 @@ pub struct DenoiseSpec {
     pub support_us: u32,
     /// [`DenoiseParams::support`].
     pub support: u8,
+    /// [`DenoiseParams::polarity_match`].
+    pub polarity_match: PolarityMatch,
     /// [`DenoiseParams::trail_us`].
     pub trail_us: u32,
     /// [`DenoiseParams::shift`].
@@ -165,15 +214,16 @@ impl Default for DenoiseSpec {
 
 impl From<DenoiseParams> for DenoiseSpec {
     fn from(params: DenoiseParams) -> Self {
-        let DenoiseParams { refractory_us, support_us, support, trail_us, shift } = params;
-        Self { refractory_us, support_us, support, trail_us, shift, hot_pixels: Vec::new() }
+        let DenoiseParams { refractory_us, support_us, support, polarity_match, trail_us, shift } = params;
+        let hot_pixels = Vec::new();
+        Self { refractory_us, support_us, support, polarity_match, trail_us, shift, hot_pixels }
     }
 }
 
 impl DenoiseSpec {
     fn params(&self) -> DenoiseParams {
-        let Self { refractory_us, support_us, support, trail_us, shift, .. } = *self;
-        DenoiseParams { refractory_us, support_us, support, trail_us, shift }
+        let Self { refractory_us, support_us, support, polarity_match, trail_us, shift, .. } = *self;
+        DenoiseParams { refractory_us, support_us, support, polarity_match, trail_us, shift }
     }
 }
 

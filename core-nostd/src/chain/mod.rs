@@ -5,7 +5,7 @@
 mod filter;
 mod view;
 
-pub use filter::{AnyFilter, DenoiseSpec, FilterSpec, HotPixelSpec};
+pub use filter::{AnyFilter, DenoiseSpec, FilterSpec, HotPixelSpec, MaskSpec};
 pub use view::{BadView, Canvas, Line, Offline, PushError, View, ViewSpec};
 
 use crate::filter::{DenoiseParams, FilterError};
@@ -62,7 +62,7 @@ pub enum ChainCause {
         /// Bytes it needs.
         bytes: usize,
     },
-    /// A hot pixel is not on the sensor.
+    /// A pixel of its mask is not on the sensor.
     PixelOffSensor {
         /// Its column.
         x: u16,
@@ -80,10 +80,7 @@ impl core::fmt::Display for ChainError {
             ChainCause::Filter(error) => error.fmt(f),
             ChainCause::OutOfMemory { bytes } => write!(f, "no memory for its map of {bytes} bytes"),
             ChainCause::PixelOffSensor { x, y, geometry } => {
-                write!(
-                    f,
-                    "hot pixel ({x}, {y}) is not on the {geometry} sensor: learn the pixels of this camera"
-                )
+                write!(f, "pixel ({x}, {y}) is not on the {geometry} sensor: give the pixels of this camera")
             }
         }
     }
@@ -196,7 +193,15 @@ mod tests {
             { "kind": "refractory", "dt_us": 100, "refresh": "all", "shift": 2 },
             { "kind": "background_activity", "dt_us": 100, "neighbours": "four" },
             { "kind": "denoise", "support": 3, "hot_pixels": [[5, 6]] },
-            { "kind": "double_window", "window": 16 }
+            { "kind": "double_window", "window": 16 },
+            { "kind": "stcf", "polarity_match": "same", "shift": 1 },
+            { "kind": "mask", "pixels": [[1, 2]], "keep": "outside" },
+            { "kind": "leaky_hot_pixel", "limit": 9 },
+            { "kind": "trail", "mode": "stc_keep_trail", "shift": 3 },
+            { "kind": "inceptive", "keep": "confirming" },
+            { "kind": "anti_flicker", "frequency_hz": 120, "keep": "flickering" },
+            { "kind": "decimate", "n": 4 },
+            { "kind": "rate_limit", "events": 1000 }
         ]"#;
         let spec: Spec = serde_json::from_str(text).unwrap();
         let again = serde_json::from_str(&serde_json::to_string(&spec).unwrap()).unwrap();
@@ -211,6 +216,14 @@ mod tests {
             "background_activity",
             "denoise",
             "double_window",
+            "stcf",
+            "mask",
+            "leaky_hot_pixel",
+            "trail",
+            "inceptive",
+            "anti_flicker",
+            "decimate",
+            "rate_limit",
         ];
         assert_eq!(kinds, expected);
         assert!(Chain::try_new(&Spec::standard(), Geometry::new(1280, 720)).is_ok());

@@ -10,7 +10,7 @@
 //! Windows that are not full yet hold fewer events, so the first event of a stream is noise. Time plays no part: no
 //! silence and no restart of the clock empties a window.
 
-use super::{FilterError, compact::compact_all};
+use super::{FilterError, compact::compact_all, in_range};
 use crate::{Block, Event, Filter, Geometry, WrongGeometry};
 
 /// Parameters of [`DoubleWindow`].
@@ -69,13 +69,9 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> DoubleWindow<S> {
     /// A filter for events of this sensor, in `memory` of at least [`required_len`](Self::required_len) words, whatever
     /// they hold.
     pub fn try_new(geometry: Geometry, params: DoubleWindowParams, memory: S) -> Result<Self, FilterError> {
-        let at_least_1 = |name, value: u16| match value {
-            0 => Err(FilterError::OutOfRange { name, value: 0, min: 1, max: u16::MAX as u32 }),
-            _ => Ok(()),
-        };
-        at_least_1("window", params.window)?;
-        at_least_1("distance_px", params.distance_px)?;
-        at_least_1("support", params.support)?;
+        in_range("window", params.window as u32, (1, u16::MAX as u32))?;
+        in_range("distance_px", params.distance_px as u32, (1, u16::MAX as u32))?;
+        in_range("support", params.support as u32, (1, u16::MAX as u32))?;
         let (needed, found) = (Self::required_len(params.window), memory.as_ref().len());
         if found < needed {
             return Err(FilterError::MemoryTooShort { needed, found });

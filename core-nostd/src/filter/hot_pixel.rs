@@ -7,7 +7,7 @@
 //! among 10 pixels or fewer, and many hot pixels hide each other. So learn over a whole quiet scene, and where that
 //! is not enough, learn again behind the filter that applies the first mask.
 
-use super::{FilterError, PixelMask, compact::compact_all};
+use super::{FilterError, PixelMask, cleared, compact::compact_all};
 use crate::{Block, Event, Filter, Geometry, Span, WrongGeometry};
 
 /// Drops the events of a mask's pixels.
@@ -87,8 +87,7 @@ impl<S> HotPixelLearner<S> {
 impl<S: AsRef<[u32]> + AsMut<[u32]>> HotPixelLearner<S> {
     /// A learner that has seen nothing, in `memory` of at least [`required_len`](Self::required_len) counters.
     pub fn try_new(geometry: Geometry, mut memory: S) -> Result<Self, FilterError> {
-        let (needed, found) = (Self::required_len(geometry), memory.as_ref().len());
-        memory.as_mut().get_mut(..needed).ok_or(FilterError::MemoryTooShort { needed, found })?.fill(0);
+        cleared(memory.as_mut(), Self::required_len(geometry))?;
         Ok(Self { geometry, counts: memory })
     }
 

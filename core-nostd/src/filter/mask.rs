@@ -1,7 +1,7 @@
-//! A set of pixels, one bit each.
+//! A set of pixels, one bit each, and the filter that keeps the events of its pixels or of all others.
 
-use super::FilterError;
-use crate::{Event, Geometry};
+use super::{FilterError, compact::compact_all};
+use crate::{Block, Event, Filter, Geometry, WrongGeometry};
 
 /// A set of pixels of a sensor in the caller's memory: bit `i % 32` of word `i / 32` for the row-major index `i`.
 ///
@@ -78,5 +78,63 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> PixelMask<S> {
             _ => return false,
         }
         true
+    }
+}
+
+/// Which events a [`MaskFilter`] keeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum MaskKeep {
+    /// Those of the mask's pixels.
+    #[default]
+    Inside,
+    /// Those of all other pixels.
+    Outside,
+}
+
+/// Keeps the events of a mask's pixels, or of all others. The sensor's size stays.
+///
+/// ```
+/// use lobula_core::{Event, Filter, Geometry, Polarity, filter::{MaskFilter, MaskKeep, PixelMask}};
+/// let geometry = Geometry::new(640, 480);
+/// let mut mask = PixelMask::empty(geometry, vec![0u32; PixelMask::<()>::required_len(geometry)])?;
+/// mask.insert(3, 4);
+/// let mut filter = MaskFilter::new(mask, MaskKeep::Inside);
+/// assert!(filter.keep(Event::new(0, 3, 4, Polarity::On)));
+/// assert!(!filter.keep(Event::new(0, 4, 3, Polarity::On)));
+/// # Ok::<(), lobula_core::filter::FilterError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct MaskFilter<S> {
+    mask: PixelMask<S>,
+    keep: MaskKeep,
+}
+
+impl<S: AsRef<[u32]>> MaskFilter<S> {
+    /// A filter of this mask.
+    pub const fn new(mask: PixelMask<S>, keep: MaskKeep) -> Self {
+        Self { mask, keep }
+    }
+}
+
+impl<S: AsRef<[u32]> + AsMut<[u32]>> MaskFilter<S> {
+    /// Adds a pixel to the mask; false, and nothing is done, off the sensor.
+    pub fn insert(&mut self, x: u16, y: u16) -> bool {
+        self.mask.insert(x, y)
+    }
+}
+
+impl<S: AsRef<[u32]>> Filter for MaskFilter<S> {
+    #[inline]
+    fn keep(&mut self, event: Event) -> bool {
+        self.mask.spares(event) == (self.keep == MaskKeep::Outside)
+    }
+
+    fn retain(&mut self, block: &mut Block<'_>) -> Result<usize, WrongGeometry> {
+        self.mask.geometry().check(block.geometry)?;
+        let (mask, spared) = (&self.mask, self.keep == MaskKeep::Outside);
+        let kept = compact_all(block.events_mut(), |event| mask.spares(event) == spared);
+        block.truncate(kept);
+        Ok(kept)
     }
 }

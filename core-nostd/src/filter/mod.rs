@@ -4,25 +4,45 @@
 //! brings. All times are µs. A filter's answer depends on the events before it only, never on how they were cut into
 //! blocks.
 
+mod anti_flicker;
 mod background_activity;
+mod burst;
 mod compact;
+mod decimate;
 mod denoise;
 mod double_window;
 mod hot_pixel;
+mod inceptive;
+mod leaky_hot_pixel;
 mod mask;
+mod periods;
+mod plane;
 mod polarity;
+mod rate_limit;
 mod refractory;
 mod roi;
+mod stcf;
+mod support;
+mod tiles;
+mod trail;
 
+pub use anti_flicker::{AntiFlicker, AntiFlickerParams, FlickerKeep};
 pub use background_activity::{BackgroundActivity, BackgroundActivityParams};
 pub(crate) use compact::compact;
+pub use decimate::{Decimate, DecimateParams};
 pub use denoise::{Denoise, DenoiseParams};
 pub use double_window::{DoubleWindow, DoubleWindowParams};
 pub use hot_pixel::{HotPixelFilter, HotPixelLearner};
-pub use mask::PixelMask;
+pub use inceptive::{Inceptive, InceptiveKeep, InceptiveParams};
+pub use leaky_hot_pixel::{LeakyHotPixel, LeakyHotPixelParams};
+pub use mask::{MaskFilter, MaskKeep, PixelMask};
 pub use polarity::{PolarityFilter, PolarityParams};
+pub use rate_limit::{RateLimit, RateLimitParams};
 pub use refractory::{Refractory, RefractoryParams};
 pub use roi::{RegionOfInterest, RegionParams};
+pub use stcf::{Stcf, StcfParams};
+pub use support::PolarityMatch;
+pub use trail::{Trail, TrailMode, TrailParams};
 
 /// The registry: every filter. Calls `$then!` with the list, from which the host's
 /// [`AnyFilter`](crate::chain::AnyFilter) and the exports of the no-panic proof are made.
@@ -54,6 +74,10 @@ macro_rules! filters {
                 $crate::filter::BackgroundActivity<u16, S>, $crate::filter::BackgroundActivityParams, u16,
                 |geometry, _| $crate::filter::BackgroundActivity::<u16, ()>::required_len(geometry),
                 $crate::filter::BackgroundActivity::try_new;
+            StcfU32 stcf_u32: $crate::filter::Stcf<u32, S>, $crate::filter::StcfParams, u32,
+                |geometry, _| $crate::filter::Stcf::<u32, ()>::required_len(geometry), $crate::filter::Stcf::try_new;
+            StcfU16 stcf_u16: $crate::filter::Stcf<u16, S>, $crate::filter::StcfParams, u16,
+                |geometry, _| $crate::filter::Stcf::<u16, ()>::required_len(geometry), $crate::filter::Stcf::try_new;
             DenoiseU32 denoise_u32: $crate::filter::Denoise<u32, S>, $crate::filter::DenoiseParams, u32,
                 |geometry, _| $crate::filter::Denoise::<u32, ()>::required_len(geometry), $crate::filter::Denoise::try_new;
             DenoiseU16 denoise_u16: $crate::filter::Denoise<u16, S>, $crate::filter::DenoiseParams, u16,
@@ -61,6 +85,31 @@ macro_rules! filters {
             DoubleWindow double_window: $crate::filter::DoubleWindow<S>, $crate::filter::DoubleWindowParams, u32,
                 |_, params| $crate::filter::DoubleWindow::<()>::required_len(params.window),
                 $crate::filter::DoubleWindow::try_new;
+            Mask mask: $crate::filter::MaskFilter<S>, $crate::filter::MaskKeep, u32,
+                |geometry, _| $crate::filter::PixelMask::<()>::required_len(geometry),
+                |geometry, keep, memory| $crate::filter::PixelMask::try_from_words(geometry, memory)
+                    .map(|mask| $crate::filter::MaskFilter::new(mask, keep));
+            LeakyHotPixel leaky_hot_pixel: $crate::filter::LeakyHotPixel<S>, $crate::filter::LeakyHotPixelParams, u8,
+                |geometry, _| $crate::filter::LeakyHotPixel::<()>::required_len(geometry),
+                $crate::filter::LeakyHotPixel::try_new;
+            TrailU32 trail_u32: $crate::filter::Trail<u32, S>, $crate::filter::TrailParams, u32,
+                |geometry, _| $crate::filter::Trail::<u32, ()>::required_len(geometry), $crate::filter::Trail::try_new;
+            TrailU16 trail_u16: $crate::filter::Trail<u16, S>, $crate::filter::TrailParams, u16,
+                |geometry, _| $crate::filter::Trail::<u16, ()>::required_len(geometry), $crate::filter::Trail::try_new;
+            InceptiveU32 inceptive_u32: $crate::filter::Inceptive<u32, S>, $crate::filter::InceptiveParams, u32,
+                |geometry, _| $crate::filter::Inceptive::<u32, ()>::required_len(geometry),
+                $crate::filter::Inceptive::try_new;
+            InceptiveU16 inceptive_u16: $crate::filter::Inceptive<u16, S>, $crate::filter::InceptiveParams, u16,
+                |geometry, _| $crate::filter::Inceptive::<u16, ()>::required_len(geometry),
+                $crate::filter::Inceptive::try_new;
+            AntiFlicker anti_flicker: $crate::filter::AntiFlicker<S>, $crate::filter::AntiFlickerParams, u32,
+                |geometry, params| $crate::filter::AntiFlicker::<()>::required_len(geometry, params.tile_shift),
+                $crate::filter::AntiFlicker::try_new;
+            Decimate decimate: $crate::filter::Decimate, $crate::filter::DecimateParams, u8,
+                |_, _| 0, |geometry, params, _| $crate::filter::Decimate::try_new(geometry, params);
+            RateLimit rate_limit: $crate::filter::RateLimit<S>, $crate::filter::RateLimitParams, u32,
+                |geometry, params| $crate::filter::RateLimit::<()>::required_len(geometry, params.tile_shift),
+                $crate::filter::RateLimit::try_new;
         }
     };
 }
@@ -125,6 +174,26 @@ pub enum FilterError {
         /// The sensor's size.
         geometry: Geometry,
     },
+}
+
+/// Refuses memory that is shorter than needed, and clears what is needed of it.
+fn cleared<T: Copy + Default>(memory: &mut [T], needed: usize) -> Result<(), FilterError> {
+    let found = memory.len();
+    memory.get_mut(..needed).ok_or(FilterError::MemoryTooShort { needed, found })?.fill(T::default());
+    Ok(())
+}
+
+/// The value of a parameter, if it lies in its range, the ends included.
+const fn in_range(name: &'static str, value: u32, (min, max): (u32, u32)) -> Result<u32, FilterError> {
+    if value < min || value > max {
+        return Err(FilterError::OutOfRange { name, value, min, max });
+    }
+    Ok(value)
+}
+
+/// Refuses a number of supporting neighbours that no pixel has.
+const fn check_support(support: u8) -> Result<(), FilterError> {
+    if support > 8 { Err(FilterError::SupportOutOfRange { support }) } else { Ok(()) }
 }
 
 impl From<TimeMapError> for FilterError {
