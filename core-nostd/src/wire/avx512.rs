@@ -36,6 +36,20 @@ const IN_TURN: [[u32; LANES]; 2] = {
     halves
 };
 
+/// Events that a block stores when no word makes more than two.
+pub(super) const FEW: usize = 2 * LANES;
+
+/// The same order of lanes in one list of bytes.
+const IN_TURN_BYTES: [u8; FEW] = {
+    let mut lanes = [0; FEW];
+    let mut i = 0;
+    while i < FEW {
+        lanes[i] = IN_TURN[i / LANES][i % LANES] as u8;
+        i += 1;
+    }
+    lanes
+};
+
 /// A CPU that has what the kernels are compiled for: there is no other way to get one than to look.
 #[derive(Clone, Copy, Debug)]
 pub struct Cpu(());
@@ -97,6 +111,31 @@ pub(super) fn fill(table: __m512i, lanes: u16, before: __m512i) -> __m512i {
 pub(super) fn interleave(time: __m512i, upper: __m512i) -> [Event; LANES] {
     let half = |lanes: [u32; LANES]| _mm512_permutex2var_epi32(time, cast(lanes), upper);
     cast(IN_TURN.map(half))
+}
+
+/// Writes the events of a block none of whose words makes more than two, and returns how many: of the lanes named by
+/// `makes`, which make one and which a second. Upper halves are of the first and of the last event of each lane.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi2,bmi2,popcnt")]
+pub(super) fn store_few(
+    time: __m512i,
+    [first, last]: [__m512i; 2],
+    makes: [u16; 2],
+    out: &mut [Event; FEW],
+) -> usize {
+    let [one, two] = makes.map(u32::from);
+    let list = _pdep_u32(one, 0x5555_5555) | _pdep_u32(two, 0xAAAA_AAAA);
+    let events = list.count_ones() as usize;
+    let list: [__m128i; 2] = cast(_mm256_maskz_compress_epi8(list, cast(IN_TURN_BYTES)));
+    let (halves, _) = out.as_chunks_mut::<LANES>();
+    for ((half, lanes), before) in halves.iter_mut().zip(list).zip([0, LANES]) {
+        if events > before {
+            let lanes = _mm512_cvtepu8_epi32(lanes);
+            let upper = _mm512_permutex2var_epi32(first, lanes, last);
+            *half = interleave(_mm512_permutexvar_epi32(lanes, time), upper);
+        }
+    }
+    events
 }
 
 /// A block of EVT 2.0 words, or of the upper halves of EVT 2.1, understood.

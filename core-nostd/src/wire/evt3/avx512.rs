@@ -18,14 +18,12 @@ use super::kernel::Steady;
 use super::{
     ADDR_X, COORDINATE, OTHERS, PAYLOAD, POLARITY_SHIFT, TIME_LOW, VECT_8, VECT_12, VECT_BASE_X, word,
 };
-use crate::wire::avx512::{BEFORE, Cpu, LANES, fill, interleave, splat};
+use crate::wire::avx512::{BEFORE, Cpu, LANES, fill, interleave, splat, store_few};
 use crate::wire::kernel::Done;
 use crate::{Event, Polarity};
 use bytemuck::cast;
 use core::arch::x86_64::*;
 
-/// Events that a block stores when no word makes more than two.
-const FEW: usize = 2 * LANES;
 /// Room for what a block stores at most: all the events, and what the last store writes beyond them.
 const MANY: usize = 12 * LANES + LANES;
 /// Words of a stretch at most, and the base at its start: so bases stay below 2^16.
@@ -42,17 +40,6 @@ const ON: u32 = 1 << 31;
 
 /// The types that can be steady: bit `i` for type `i`. TIME_HIGH is looked at by itself.
 const STEADY_TYPES: u32 = 0b1100_0000_1111_1101;
-
-/// Lanes of two tables in turn: 0 of the first, 0 of the second (which counts as 16), 1, 1, ...
-const IN_TURN: [u8; FEW] = {
-    let mut lanes = [0; FEW];
-    let mut i = 0;
-    while i < FEW {
-        lanes[i] = (i % 2 * LANES + i / 2) as u8;
-        i += 1;
-    }
-    lanes
-};
 
 /// For each bit of four masks of 16 bits: the lane in the upper four bits, the column in the lower.
 const LANE_AND_COLUMN: [u8; 64] = {
@@ -298,27 +285,11 @@ fn off_lanes(halves: u32) -> u16 {
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi2,bmi2,popcnt")]
 fn store(block: &Block, out: &mut [Event]) -> Option<usize> {
     match block.makes {
-        [one, two, 0] => Some(store_few(block, one, two, out.first_chunk_mut()?)),
+        [one, two, 0] => {
+            Some(store_few(block.time, [block.first, block.last], [one, two], out.first_chunk_mut()?))
+        }
         _ => Some(store_many(block.columns, block.top, block.time, out.first_chunk_mut()?)),
     }
-}
-
-/// Where no word makes more than two events.
-#[inline]
-#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi2,bmi2,popcnt")]
-fn store_few(block: &Block, makes_one: u16, makes_two: u16, out: &mut [Event; FEW]) -> usize {
-    let list = _pdep_u32(makes_one.into(), 0x5555_5555) | _pdep_u32(makes_two.into(), 0xAAAA_AAAA);
-    let events = list.count_ones() as usize;
-    let list: [__m128i; 2] = cast(_mm256_maskz_compress_epi8(list, cast(IN_TURN)));
-    let (halves, _) = out.as_chunks_mut::<LANES>();
-    for ((half, lanes), before) in halves.iter_mut().zip(list).zip([0, LANES]) {
-        if events > before {
-            let lanes = _mm512_cvtepu8_epi32(lanes);
-            let upper = _mm512_permutex2var_epi32(block.first, lanes, block.last);
-            *half = interleave(_mm512_permutexvar_epi32(lanes, block.time), upper);
-        }
-    }
-    events
 }
 
 /// Where words make any number of events. By value, since a block that is lent would live in memory.
