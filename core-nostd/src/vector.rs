@@ -41,6 +41,42 @@ pub fn widest<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
 
+/// As [`widest`], compiled for AVX-512 where the CPU has it: for loops that pass over numbers in order and do little with
+/// each. Those that go through tables gain nothing by it.
+///
+/// ```
+/// let (from, mut to) = ([1u64 << 40 | 7; 3], [0; 3]);
+/// lobula_core::vector::in_order(
+///     #[inline(always)]
+///     || from.iter().zip(&mut to).for_each(|(from, to)| *to = from & 0xFFFF),
+/// );
+/// assert_eq!(to, [7; 3]);
+/// ```
+#[cfg(all(target_arch = "x86_64", feature = "std"))]
+#[allow(unsafe_code)] // one call, of code for this CPU: see the module for what it gains
+#[inline(always)]
+pub fn in_order<R>(work: impl FnOnce() -> R) -> R {
+    use std::arch::is_x86_feature_detected as has;
+    if has!("avx512f") && has!("avx512bw") && has!("avx512dq") && has!("avx512vl") && has!("avx512vbmi") {
+        // SAFETY: the CPU has all that it is compiled for.
+        return unsafe { avx512(work) };
+    }
+    widest(work)
+}
+
+#[cfg(all(target_arch = "x86_64", feature = "std"))]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi")]
+fn avx512<R>(work: impl FnOnce() -> R) -> R {
+    work()
+}
+
+/// Does `work`, as it was compiled for the target.
+#[cfg(not(all(target_arch = "x86_64", feature = "std")))]
+#[inline(always)]
+pub fn in_order<R>(work: impl FnOnce() -> R) -> R {
+    work()
+}
+
 /// A bit for each byte that is outside of `low..=high`, which is how separators are found among digits.
 ///
 /// ```

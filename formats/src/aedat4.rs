@@ -394,7 +394,7 @@ fn take_batch(batch: &[[u8; EVENT_BYTES]], intake: &mut Intake, sink: &mut Sink<
     let event = |event: &[u8; EVENT_BYTES]| {
         let word = u128::from_le_bytes(*event);
         // Of the polarity one byte, after it there are unused ones.
-        Plain { t_us: word as u64, pixel: (word >> 64) as u64 & 0xFF_FFFF_FFFF }
+        Plain::of(word as u64, (word >> 64) as u64 & 0xFF_FFFF_FFFF)
     };
     intake.push_alike(sink, 0, (first.0, last.0), batch.iter(), event)
 }

@@ -13,13 +13,12 @@
 use crate::byte_cursor::{Bad, ByteCursor, ByteDecoder, Step};
 use crate::container::{Container, Cursor};
 use crate::input::Input;
-use crate::intake::{Intake, Taken};
+use crate::intake::{Intake, Plain, Taken};
 use crate::open::Probe;
 use crate::raw::header::Header;
-use crate::wrap::{LATE_US_MAX, Wrap32};
+use crate::wrap::Wrap32;
 use crate::{Error, ErrorKind, Format, OpenOptions};
-use lobula_core::vector::widest;
-use lobula_core::{Counters, Event, Geometry, Sink};
+use lobula_core::{Counters, Geometry, Sink};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -71,7 +70,7 @@ fn open(input: Arc<Input>, options: &OpenOptions) -> Result<Box<dyn Container>, 
         _ => None,
     };
     let intake = Intake::new(geometry.unwrap_or(GEOMETRY_MAX), options);
-    let decoder = Decoder { layout, guard: Guard::new(intake.geometry()), intake, wrap: Wrap32::default() };
+    let decoder = Decoder { layout, intake, wrap: Wrap32::default() };
     Ok(Box::new(DatRecording { input, header, geometry, start, decoder, guessed }))
 }
 
@@ -125,74 +124,19 @@ fn layout_of(sample: &[u8]) -> Layout {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Layout {
     x_mask: u64,
-    /// How far y and p are below their places in an [`Event`].
+    /// How far y is below its place in an [`Event`](lobula_core::Event).
     y_shift: u32,
     y_mask: u64,
-    p_shift: u32,
+    p_bit: u32,
 }
 
-const V1: Layout = Layout { x_mask: 0x1FF << 32, y_shift: 7, y_mask: 0xFF << 48, p_shift: 14 };
-const V2: Layout = Layout { x_mask: 0x3FFF << 32, y_shift: 2, y_mask: 0x3FFF << 48, p_shift: 3 };
+const V1: Layout = Layout { x_mask: 0x1FF << 32, y_shift: 7, y_mask: 0xFF << 48, p_bit: 49 };
+const V2: Layout = Layout { x_mask: 0x3FFF << 32, y_shift: 2, y_mask: 0x3FFF << 48, p_bit: 60 };
 
 impl Layout {
-    /// x in bits 32..47, y in bits 48..62.
     #[inline(always)]
-    fn place(self, word: u64) -> u64 {
-        (word & self.x_mask) | ((word << self.y_shift) & self.y_mask)
-    }
-
-    #[inline(always)]
-    fn is_on(self, word: u64) -> bool {
-        self.on(word) != 0
-    }
-
-    /// 1 for ON in bit 63.
-    #[inline(always)]
-    fn on(self, word: u64) -> u64 {
-        (word << self.p_shift) & (1 << 63)
-    }
-}
-
-impl Layout {
-    /// Copies events, adding `shift` to their times. Gives bits of how far they are from `origin`, and those of the guard
-    /// that every place left.
-    #[inline(always)]
-    fn copy(
-        self,
-        from: &[[u8; EVENT_BYTES]],
-        to: &mut [Event],
-        shift: u32,
-        origin: u32,
-        guard: u64,
-    ) -> (u32, u64) {
-        let (mut far, mut near) = (0, Guard::BITS);
-        for (event, slot) in from.iter().zip(to) {
-            // Words of 64 bits throughout, so that the compiler takes several events at once.
-            let word = u64::from_le_bytes(*event);
-            let place = self.place(word);
-            far |= word.wrapping_sub(origin.into());
-            near &= guard.wrapping_sub(place);
-            let t = word.wrapping_add(shift.into()) & u64::from(u32::MAX);
-            *slot = Event::from_word(t | place | self.on(word));
-        }
-        (far as u32, near)
-    }
-}
-
-/// The last pixel of the sensor in the places of [`Layout::place`], a bit set above each number: a place subtracted
-/// clears one of them where it is off the sensor.
-#[derive(Clone, Copy, Debug)]
-struct Guard(u64);
-
-impl Guard {
-    const BITS: u64 = 0x8000_8000 << 32;
-
-    /// `None` for a sensor without pixels.
-    fn new(geometry: Geometry) -> Option<Self> {
-        let last = |side: u16, max: u16| side.min(max).checked_sub(1).map(u64::from);
-        let x = last(geometry.width, GEOMETRY_MAX.width)?;
-        let y = last(geometry.height, GEOMETRY_MAX.height)?;
-        Some(Self(Self::BITS | (x << 32) | (y << 48)))
+    const fn pixel(self, word: u64) -> u64 {
+        word & self.x_mask | word << self.y_shift & self.y_mask | word >> self.p_bit & 1
     }
 }
 
@@ -237,56 +181,46 @@ impl Container for DatRecording {
 #[derive(Clone, Debug)]
 struct Decoder {
     layout: Layout,
-    guard: Option<Guard>,
     intake: Intake,
     wrap: Wrap32,
 }
 
 /// Events decoded at once where all are alike.
 const BATCH: usize = 512;
-/// Farthest that the events of a batch are from its first, forward.
-const BATCH_US_MAX: u64 = 1 << 30;
+/// Bits of an event that tell its time.
+const TIME: u64 = u32::MAX as u64;
 
 impl Decoder {
     /// Takes all of the events, where they are near each other in time and on the sensor; else none of them.
-    fn take_alike(&mut self, events: &[[u8; EVENT_BYTES]], sink: &mut Sink<'_>) -> Result<bool, Bad> {
-        let (Some(first), Some(Guard(guard))) = (events.first(), self.guard) else { return Ok(false) };
-        let mut wrap = self.wrap;
-        let first = u64::from_le_bytes(*first) as u32;
-        let unshifted = wrap.push(first);
-        let t_first = self.intake.time(unshifted as i64)?;
-        let late = LATE_US_MAX.min(unshifted).min(t_first);
-        if !(sink.admits(t_first - late) && sink.admits(t_first + BATCH_US_MAX)) {
-            return Ok(false);
+    fn take_alike(&mut self, events: &[[u8; EVENT_BYTES]], sink: &mut Sink<'_>) -> bool {
+        let (Some(first), Some(last)) = (events.first(), events.last()) else { return false };
+        let word = |event: &[u8; EVENT_BYTES]| u64::from_le_bytes(*event);
+        // None that is near the first in the same round of the 32 bits is in another.
+        let round = { self.wrap }.push(word(first) as u32) & !TIME;
+        let t_us = move |word: u64| round | word & TIME;
+        let ends = [first, last].map(|event| t_us(word(event)) as i64);
+        let (ends, events, bytes) = ((ends[0], ends[1]), events.iter(), EVENT_BYTES as u64);
+        let plain = move |layout: Layout, word| Plain { t_us: t_us(word), pixel: layout.pixel(word) };
+        // Not by the layout at hand: one that is known when this is compiled costs a third less.
+        let taken = match self.layout {
+            V1 => self.intake.push_alike(sink, bytes, ends, events, move |event| plain(V1, word(event))),
+            _ => self.intake.push_alike(sink, bytes, ends, events, move |event| plain(V2, word(event))),
+        };
+        if taken {
+            self.wrap.set(t_us(word(last)));
         }
-        let shift = (t_first as u32).wrapping_sub(first);
-        let origin = first.wrapping_sub(late as u32);
-        let (layout, spare) = (self.layout, sink.spare());
-        let (far, near) = widest(
-            #[inline(always)]
-            || layout.copy(events, spare, shift, origin, guard),
-        );
-        if u64::from(far) >= BATCH_US_MAX || near & Guard::BITS != Guard::BITS {
-            return Ok(false);
-        }
-        let last = events.last().map_or(first, |last| u64::from_le_bytes(*last) as u32);
-        let since = i64::from(last.wrapping_sub(first) as i32);
-        sink.commit(events.len(), t_first, t_first.wrapping_add_signed(since));
-        self.wrap.set(unshifted.wrapping_add_signed(since));
-        self.intake.counters.events += events.len() as u64;
-        self.intake.counters.bytes_decoded += (events.len() * EVENT_BYTES) as u64;
-        Ok(true)
+        taken
     }
 
     /// Takes events one by one; how many before the sink was full.
     fn take_each(&mut self, events: &[[u8; EVENT_BYTES]], sink: &mut Sink<'_>) -> Result<usize, Bad> {
         for (i, event) in events.iter().enumerate() {
             let word = u64::from_le_bytes(*event);
-            let place = self.layout.place(word);
-            let xy = ((place >> 32 & 0xFFFF) as i64, (place >> 48) as i64);
+            let pixel = self.layout.pixel(word);
+            let xy = ((pixel >> 32 & 0xFFFF) as i64, (pixel >> 48) as i64);
             let mut wrap = self.wrap;
             let t = wrap.push(word as u32);
-            let taken = self.intake.push(sink, t as i64, xy, self.layout.is_on(word), EVENT_BYTES as u64);
+            let taken = self.intake.push(sink, t as i64, xy, pixel & 1 != 0, EVENT_BYTES as u64);
             if taken.map_err(|bad| Bad { offset: i * EVENT_BYTES, ..bad })? == Taken::Full {
                 return Ok(i);
             }
@@ -302,11 +236,7 @@ impl ByteDecoder for Decoder {
         let mut done = 0;
         while done < events.len() {
             let batch = &events[done..events.len().min(done + BATCH)];
-            let alike = batch.len() <= sink.room() && {
-                let at = |bad| Bad { offset: done * EVENT_BYTES, ..bad };
-                self.take_alike(batch, sink).map_err(at)?
-            };
-            let taken = if alike {
+            let taken = if self.take_alike(batch, sink) {
                 batch.len()
             } else {
                 let at = |bad: Bad| Bad { offset: done * EVENT_BYTES + bad.offset, ..bad };

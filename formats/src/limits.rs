@@ -9,7 +9,7 @@ pub struct Limits {
     pub header_bytes_max: usize,
     /// Widest and tallest sensor, in pixels. Default: 8192, at which a map of one u32 per pixel takes 256 MiB.
     pub sensor_side_px_max: u16,
-    /// Most memory of a recording's index, in bytes: a longer recording gets a coarser index. Default: 8 MiB.
+    /// Most memory of a recording's index, in bytes: a longer recording gets a coarser index. Default: 4 MiB.
     pub index_bytes_max: usize,
     /// Largest packed chunk once unpacked, and largest message of frames, in bytes. Default: 32 MiB.
     pub chunk_bytes_max: usize,
@@ -20,7 +20,7 @@ impl Default for Limits {
         Self {
             header_bytes_max: 64 << 10,
             sensor_side_px_max: 8192,
-            index_bytes_max: 8 << 20,
+            index_bytes_max: 4 << 20,
             chunk_bytes_max: 32 << 20,
         }
     }

@@ -35,6 +35,7 @@ use notes::Notes;
 use side::SideItems;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 pub(crate) use fields::Wire;
 pub(crate) use log::{Connection, Connections, Log, Message, fault};
@@ -413,7 +414,10 @@ impl<L: Log> Container for RosRecording<L> {
     fn imu(&self) -> Items<ImuSample> {
         let Some(topic) = &self.imu else { return Box::new(std::iter::empty()) };
         let Topic { connections, wire, .. } = topic.clone();
-        let parse = move |message: &[u8], time: &dyn Fn(i64) -> Option<u64>| imu::sample(message, wire, time);
+        let (notes, cut) = (self.notes.clone(), AtomicU64::new(0));
+        let more = move || notes.cut_samples(cut.fetch_add(1, Ordering::Relaxed) + 1);
+        let parse =
+            move |message: &[u8], time: &dyn Fn(i64) -> Option<u64>| imu::sample(message, wire, time, &more);
         let notes = self.notes.clone();
         let unread = move |count| notes.unread_samples(count);
         Box::new(SideItems::new(self.log.fork(), connections, &self.options, parse, unread))

@@ -1,7 +1,7 @@
 //! Times of 32 bits in µs, made 64 bits: they wrap after 71 minutes and 35 seconds.
 
 /// Farthest that an event may step back over the end of the range and still be late, not a gap of 71 minutes: 8.4 s.
-pub(crate) const LATE_US_MAX: u64 = 1 << 23;
+const LATE_US_MAX: u64 = 1 << 23;
 
 /// Unwraps times of 32 bits: a step forward is one however long, a step back of more than half the range is a wrap,
 /// and after a wrap an event may be late by [`LATE_US_MAX`] from before it.

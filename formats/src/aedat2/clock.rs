@@ -6,7 +6,7 @@
 
 use super::{Addresses, RECORD_BYTES, split};
 use lobula_core::Event;
-use lobula_core::vector::widest;
+use lobula_core::vector::in_order;
 
 /// Longest step that is jitter wherever it falls, in µs.
 const JITTER_US: i64 = 1 << 20;
@@ -63,7 +63,7 @@ impl Clock {
         addresses: impl Addresses,
     ) -> Option<(u64, u64)> {
         let start = (self.last - JITTER_US / 2) as u32;
-        let wrong = widest(
+        let wrong = in_order(
             #[inline(always)]
             || {
                 let mut wrong = 0;

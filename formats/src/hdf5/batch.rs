@@ -5,7 +5,7 @@
 //! Others go through a loop each.
 
 use super::datatype::NumberKind;
-use lobula_core::vector::widest;
+use lobula_core::vector::in_order;
 use lobula_core::{Event, Geometry, Sink, full_time};
 
 /// Most rows of a batch: what is between the loops stays in the nearest cache.
@@ -85,14 +85,14 @@ fn usual(rows: &Rows<'_>, anchor: u64, geometry: Geometry, out: &mut [[u32; 2]])
     let is_sound = match t.kind {
         NumberKind::I64 | NumberKind::U64 => {
             let t = t.plain(count)?;
-            widest(
+            in_order(
                 #[inline(always)]
                 || together(t, u64::from_le_bytes, (x, y), p, origin, out),
             )
         }
         NumberKind::U32 => {
             let t = t.plain(count)?;
-            widest(
+            in_order(
                 #[inline(always)]
                 || together(t, |t| u32::from_le_bytes(t).into(), (x, y), p, origin, out),
             )

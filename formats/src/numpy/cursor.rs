@@ -30,6 +30,8 @@ enum Fast {
 impl Fast {
     /// Bytes of a record.
     const RECORD_BYTES: usize = 13;
+    /// Bits of x, y and p after those of t.
+    const PIXEL: u64 = 0xFF_FFFF_FFFF;
 
     fn of(table: &Table) -> Option<Self> {
         let [t, x, y, p] = table.columns;
@@ -60,7 +62,26 @@ fn plain<const SIGNED: bool>(t_us: u64, pixel: u64) -> Plain {
     // To the byte of p its sign is added: -1 becomes 0, and no other number becomes 0 or 1.
     let p_from = 1 << 32;
     let pixel = if SIGNED { (pixel + (pixel >> 7 & p_from)) & ((p_from << 8) - 1) } else { pixel };
-    Plain { t_us, pixel }
+    Plain::of(t_us, pixel)
+}
+
+/// A record, and what comes after it.
+type Wide = [u8; 16];
+
+/// Records of a batch, each at a place that numbers of 64 bits are read from fast: as they stand in the file, compilers
+/// read them one by one.
+#[derive(Debug, Default)]
+struct WideRecords(Vec<Wide>);
+
+impl WideRecords {
+    /// The first `n` records of `bytes`, after which as many bytes follow as a record is made wider by.
+    fn fill(&mut self, bytes: &[u8], n: usize) -> &[Wide] {
+        self.0.resize(BATCH, Wide::default());
+        let records = bytes.windows(size_of::<Wide>()).step_by(Fast::RECORD_BYTES);
+        let wide = self.0.get_mut(..n).unwrap_or_default();
+        let filled = wide.iter_mut().zip(records).map(|(wide, record)| wide.copy_from_slice(record)).count();
+        self.0.get(..filled).unwrap_or_default()
+    }
 }
 
 /// A place in a table.
@@ -80,12 +101,14 @@ pub(super) struct NumpyCursor {
     /// The rows in the buffers, of which those before `row` are done.
     buffered: u64,
     buffered_end: u64,
+    wide: WideRecords,
 }
 
 /// A lane and the rows of it that come next.
 #[derive(Debug)]
 struct Buffered {
     source: Source,
+    /// The rows, and at least a [`Wide`] more.
     bytes: Vec<u8>,
 }
 
@@ -104,6 +127,7 @@ impl NumpyCursor {
             lanes: Vec::new(),
             buffered: 0,
             buffered_end: 0,
+            wide: WideRecords::default(),
         }
     }
 
@@ -142,18 +166,16 @@ impl NumpyCursor {
         let time = |t: &[u8; 8]| i64::from_le_bytes(*t);
         match (self.fast, self.lanes.as_slice()) {
             (Some(Fast::Record), [rows]) => {
-                let rows = rows.bytes.as_chunks::<{ Fast::RECORD_BYTES }>().0;
-                let rows = rows.get(at..at + n).unwrap_or_default();
-                let t = |row: &[u8; Fast::RECORD_BYTES]| row.first_chunk().map_or(0, time);
+                let rows = rows.bytes.get(at * Fast::RECORD_BYTES..).unwrap_or_default();
+                let rows = self.wide.fill(rows, n);
+                let t = |row: &Wide| row.first_chunk().map_or(0, time);
                 let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return false };
-                let event = |row: &[u8; Fast::RECORD_BYTES]| {
-                    // The last eight bytes begin with three of t.
-                    let [t0, t1, t2, t3, t4, t5, t6, t7, x0, x1, y0, y1, p] = *row;
-                    let t_us = u64::from_le_bytes([t0, t1, t2, t3, t4, t5, t6, t7]);
-                    let pixel = u64::from_le_bytes([t5, t6, t7, x0, x1, y0, y1, p]) >> 24;
-                    plain::<SIGNED>(t_us, pixel)
+                let event = |row: &Wide| {
+                    let row = u128::from_le_bytes(*row);
+                    plain::<SIGNED>(row as u64, (row >> 64) as u64 & Fast::PIXEL)
                 };
-                self.intake.push_alike(sink, row_bytes, (t(first), t(last)), rows.iter(), event)
+                rows.len() == n
+                    && self.intake.push_alike(sink, row_bytes, (t(first), t(last)), rows.iter(), event)
             }
             (Some(Fast::Columns), [t, x, y, p]) => {
                 let t = t.bytes.as_chunks::<8>().0.get(at..at + n).unwrap_or_default();
@@ -198,9 +220,8 @@ impl Buffered {
         let start = lane.start.saturating_add(row.saturating_mul(lane.stride as u64));
         let left = lane.end.map_or(u64::MAX, |end| end.saturating_sub(start));
         let want = (rows * lane.stride).min(usize::try_from(left).unwrap_or(usize::MAX));
-        self.bytes.resize(want, 0);
-        let len = self.source.read_at(start, &mut self.bytes)?;
-        self.bytes.truncate(len);
+        self.bytes.resize(want + size_of::<Wide>(), 0);
+        let len = self.source.read_at(start, self.bytes.get_mut(..want).unwrap_or_default())?;
         Ok(len / lane.stride)
     }
 }

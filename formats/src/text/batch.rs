@@ -157,7 +157,7 @@ impl Shape {
             let digits = t_end - point - 1;
             t_us += number(chunk, point + 1, digits)? * *POWERS.get(self.power.checked_sub(digits)?)?;
         }
-        Some((Plain { t_us, pixel: pixel | p << 32 }, at))
+        Some((Plain::of(t_us, pixel | p << 32), at))
     }
 }
 
@@ -224,11 +224,12 @@ mod tests {
             let text = lines.next().unwrap();
             let Line::Event { t_us, x, y, on } = line::parse(text.as_bytes(), &layout) else {
                 // It is refused where all are put in: p is no polarity.
-                assert!(event.pixel >> 33 != 0, "{text}");
+                assert!(event.pixel as u32 > 1, "{text}");
                 continue;
             };
             assert_eq!(event.t_us as i64, t_us, "{text}");
-            assert_eq!(event.pixel, x as u64 | (y as u64) << 16 | u64::from(on) << 32, "{text}");
+            let told = Plain::of(t_us as u64, x as u64 | (y as u64) << 16 | u64::from(on) << 32);
+            assert_eq!(event.pixel, told.pixel, "{text}");
             bytes += text.len();
         }
         assert_eq!(batch.bytes, bytes);
