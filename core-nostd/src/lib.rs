@@ -38,6 +38,7 @@ pub mod slice;
 
 pub mod pipeline;
 
+mod count_slicer;
 pub mod math;
 pub mod representation;
 pub mod vector;
@@ -50,6 +51,7 @@ pub mod chain;
 pub mod simulation;
 
 pub use block::{Block, SPAN_MAX_US, Sink, Span, full_time};
+pub use count_slicer::CountSlicer;
 pub use counters::{Counters, Fault, Faults};
 pub use event::{Event, Polarity};
 pub use geometry::{Geometry, WrongGeometry};

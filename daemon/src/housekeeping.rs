@@ -262,6 +262,7 @@ impl Desk<'_> {
             published: counts.published.load(Ordering::Relaxed),
             skipped: counts.skipped.load(Ordering::Relaxed),
             late: counts.late.load(Ordering::Relaxed),
+            overflowed: counts.overflowed.load(Ordering::Relaxed),
         })
     }
 }

@@ -43,6 +43,8 @@ pub struct ViewCounts {
     pub skipped: AtomicU64,
     /// Events older than their window.
     pub late: AtomicU64,
+    /// Events that their slice had no room for.
+    pub overflowed: AtomicU64,
 }
 
 impl Shared {

@@ -271,8 +271,9 @@ impl Easel {
         let Some(counts) = self.counts() else { return };
         let set = |counter: &AtomicU64, value: u64| counter.store(value, Ordering::Relaxed);
         set(&counts.published, self.sequence);
-        set(&counts.skipped, self.unlent + view.slicer().skipped());
-        set(&counts.late, view.slicer().late());
+        set(&counts.skipped, self.unlent + view.skipped());
+        set(&counts.late, view.late());
+        set(&counts.overflowed, view.overflowed());
     }
 }
 

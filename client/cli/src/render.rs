@@ -31,8 +31,10 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         windows,
         shape: [view.shape().channels, view.shape().height, view.shape().width],
         dtype: view.dtype().name(),
-        late: view.slicer().late(),
-        skipped: view.slicer().skipped(),
+        late: view.late(),
+        skipped: view.skipped(),
+        older: view.older(),
+        overflowed: view.overflowed(),
         saturated: view.saturated(),
     };
     if args.json { json(&report) } else { report.print() }
@@ -286,6 +288,8 @@ struct Report {
     dtype: &'static str,
     late: u64,
     skipped: u64,
+    older: u64,
+    overflowed: u64,
     saturated: u64,
 }
 
@@ -297,6 +301,11 @@ impl Report {
         let notes = [
             (self.late, "events came after their window had closed: they count at the start of the next"),
             (self.skipped, "empty windows in a row were left out"),
+            (self.older, "events were older than window_us before the last of their slice, and were dropped"),
+            (
+                self.overflowed,
+                "events had no room in their slice, and were dropped: give a greater events_max",
+            ),
             (self.saturated, "events met a pixel that can count no further: give a wider dtype"),
         ];
         let mut told = notes.iter().filter(|(n, _)| *n > 0);

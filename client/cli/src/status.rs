@@ -73,7 +73,13 @@ pub fn lines(status: &Status) -> Vec<String> {
         ));
     }
     for view in &status.views {
-        let counts = format!("{} published, {} skipped, {} late", view.published, view.skipped, view.late);
+        let counts = format!(
+            "{} published, {} skipped, {} late{}",
+            view.published,
+            view.skipped,
+            view.late,
+            if view.overflowed > 0 { format!(", {} without room", view.overflowed) } else { String::new() }
+        );
         lines.push(row("view", format!("{}: {counts}", view.name)));
     }
     lines

@@ -232,6 +232,9 @@ pub struct ViewStatus {
     pub skipped: u64,
     /// Events older than their window.
     pub late: u64,
+    /// Events that their slice had no room for (`events_max` of a view whose reference is the last event).
+    #[serde(default)]
+    pub overflowed: u64,
 }
 
 #[cfg(test)]

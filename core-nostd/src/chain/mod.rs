@@ -2,11 +2,12 @@
 //!
 //! A [`Chain`] of filters gives the same bits as the same filters in a tuple on firmware ([`pipeline`](crate::pipeline)).
 
+mod cut;
 mod filter;
 mod view;
 
 pub use filter::{AnyFilter, DenoiseSpec, FilterSpec, HotPixelSpec, MaskSpec};
-pub use view::{BadView, Canvas, Line, Offline, PushError, View, ViewSpec};
+pub use view::{BadView, Canvas, Line, Offline, PushError, Reference, View, ViewSpec};
 
 use crate::filter::{DenoiseParams, FilterError};
 use crate::{Block, Event, Filter, Geometry, WrongGeometry};

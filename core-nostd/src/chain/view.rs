@@ -11,11 +11,25 @@ use alloc::vec::Vec;
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
-use crate::representation::{BadRepresentation, Build, Dtype, Kind, Parameters, Pixel, for_each_parameter};
-use crate::{
-    BadPeriod, Closed, Geometry, Piece, Representation, Shape, Slicer, Span, Window, WrongGeometry,
-    for_each_representation,
+use super::cut::Cut;
+use crate::representation::{
+    BadRepresentation, Build, Dtype, KeptSlice, Kind, Parameters, Pixel, for_each_parameter,
 };
+use crate::{
+    BadPeriod, Closed, CountSlicer, Event, Geometry, Piece, Representation, Shape, Slicer, Span, Window,
+    WrongGeometry, for_each_representation,
+};
+
+/// Where ages are counted from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reference {
+    /// The end of the window.
+    #[default]
+    WindowEnd,
+    /// The newest event of the slice: its events are kept until then ([`KeptSlice`]).
+    LastEvent,
+}
 
 macro_rules! view_spec {
     ($($(#[$doc:meta])* $key:ident: $type:ty = $default:expr, $($kind:ident)*;)*) => {
@@ -36,8 +50,23 @@ macro_rules! view_spec {
             pub name: String,
             /// What kind of tensor.
             pub kind: Kind,
-            /// Length of its windows in µs, 1 to 2^30 - 1; they begin at multiples of it.
+            /// Length of its windows in µs, 1 to 2^30 - 1; they begin at multiples of it. None (0) with `slice_events`.
+            #[serde(default, skip_serializing_if = "is_zero")]
             pub period_us: u32,
+            /// Number of events of its windows, in place of `period_us`: 1 to 2^28. The reference is the last event.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub slice_events: Option<u32>,
+            /// Where ages are counted from: `"window_end"` (default) or `"last_event"`.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub reference: Option<Reference>,
+            /// With the last event as reference: how far back the window reaches in µs, 1 to 2^30; older events are
+            /// dropped and counted. Default: to the oldest event.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub window_us: Option<u32>,
+            /// With the last event as reference: how many events of a window are kept, 1 to 2^28; those beyond are dropped
+            /// and counted. Default 2^20, with `slice_events` as many.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub events_max: Option<u32>,
             /// Type of element; default u8 for counts, f32 else.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub dtype: Option<Dtype>,
@@ -47,7 +76,17 @@ macro_rules! view_spec {
         impl ViewSpec {
             /// A view with the defaults of its kind.
             pub fn new(name: impl Into<String>, kind: Kind, period_us: u32) -> Self {
-                Self { name: name.into(), kind, period_us, dtype: None, $($key: None,)* }
+                Self {
+                    name: name.into(),
+                    kind,
+                    period_us,
+                    slice_events: None,
+                    reference: None,
+                    window_us: None,
+                    events_max: None,
+                    dtype: None,
+                    $($key: None,)*
+                }
             }
 
             fn parameters(&self) -> Result<Parameters, BadView> {
@@ -65,6 +104,56 @@ macro_rules! view_spec {
 }
 
 for_each_parameter!(view_spec);
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
+fn is_zero(number: &u32) -> bool {
+    *number == 0
+}
+
+impl ViewSpec {
+    /// The most events that are kept of a slice: 2 GiB of them.
+    const EVENTS_MAX: u32 = 1 << 28;
+    /// How many are kept unless told otherwise: 8 MiB of them.
+    const EVENTS_DEFAULT: u32 = 1 << 20;
+
+    fn cut(&self) -> Result<Cut, BadView> {
+        let Some(events) = self.slice_events else {
+            return Slicer::try_new(self.period_us).map(Cut::Time).map_err(BadView::Period);
+        };
+        if self.period_us != 0 || self.reference == Some(Reference::WindowEnd) {
+            let key = if self.period_us != 0 { "period_us" } else { "reference" };
+            return Err(BadView::NotWith { key, with: "slice_events" });
+        }
+        CountSlicer::try_new(events).map(Cut::Events).ok_or(events_range("slice_events", events))
+    }
+
+    /// What its slices are kept in, if they are.
+    fn kept(&self) -> Result<Option<KeptSlice<Box<[Event]>>>, BadView> {
+        if self.slice_events.is_none() && self.reference != Some(Reference::LastEvent) {
+            let without = "a reference of last_event";
+            return match (self.window_us, self.events_max) {
+                (Some(_), _) => Err(BadView::NotWithout { key: "window_us", without }),
+                (_, Some(_)) => Err(BadView::NotWithout { key: "events_max", without }),
+                _ => Ok(None),
+            };
+        }
+        let (key, events) = match (self.events_max, self.slice_events) {
+            (Some(events), _) => ("events_max", events),
+            (None, Some(events)) => ("slice_events", events),
+            (None, None) => ("events_max", Self::EVENTS_DEFAULT),
+        };
+        if !(1..=Self::EVENTS_MAX).contains(&events) {
+            return Err(events_range(key, events));
+        }
+        let memory = zeroed(events as usize)?;
+        KeptSlice::try_new(self.window_us, memory).map(Some).map_err(BadView::Representation)
+    }
+}
+
+fn events_range(key: &'static str, found: u32) -> BadView {
+    let (found, range) = (found.into(), "1 to 2^28 events");
+    BadView::Representation(BadRepresentation::Parameter { key, found, range })
+}
 
 /// Why settings make no view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,6 +174,20 @@ pub enum BadView {
         /// The type asked for.
         dtype: Dtype,
     },
+    /// Two settings that exclude each other.
+    NotWith {
+        /// The one to remove.
+        key: &'static str,
+        /// Beside which it means nothing.
+        with: &'static str,
+    },
+    /// A setting that needs another.
+    NotWithout {
+        /// The one to remove.
+        key: &'static str,
+        /// What it needs.
+        without: &'static str,
+    },
     /// A parameter that means nothing to the kind.
     NotForKind {
         /// The parameter's name in settings.
@@ -103,6 +206,10 @@ impl core::fmt::Display for BadView {
             Self::Dtype { kind, dtype } => {
                 write!(f, "a {} view has no elements of type {}: give one of", kind.name(), dtype.name())?;
                 dtypes(*kind, |dtype| write!(f, " {}", dtype.name()))
+            }
+            Self::NotWith { key, with } => write!(f, "{key} means nothing beside {with}: remove it"),
+            Self::NotWithout { key, without } => {
+                write!(f, "{key} means nothing without {without}: remove it")
             }
             Self::NotForKind { key, kind } => {
                 write!(f, "{key} means nothing to a {} view: remove it", kind.name())
@@ -158,31 +265,32 @@ pub trait Canvas {
 
 type State = Box<[u32]>;
 
-/// Memory for the state of a representation.
-fn state(len: usize) -> Result<State, BadView> {
-    let mut state = Vec::new();
-    state
+/// Memory for so many elements, for the state of a representation or the events of a slice.
+fn zeroed<T: Zeroable + Clone>(len: usize) -> Result<Box<[T]>, BadView> {
+    let mut memory = Vec::new();
+    memory
         .try_reserve_exact(len)
-        .map_err(|_| BadView::OutOfMemory { bytes: len.saturating_mul(size_of::<u32>()) })?;
-    state.resize(len, 0);
-    Ok(state.into_boxed_slice())
+        .map_err(|_| BadView::OutOfMemory { bytes: len.saturating_mul(size_of::<T>()) })?;
+    memory.resize(len, T::zeroed());
+    Ok(memory.into_boxed_slice())
 }
 
 /// Tensors of a stream at a fixed period.
 #[derive(Debug)]
 pub struct View {
-    slicer: Slicer,
+    cut: Cut,
     geometry: Geometry,
     representation: AnyRepresentation,
+    kept: Option<KeptSlice<Box<[Event]>>>,
 }
 
 impl View {
     /// Makes the view that the settings describe, for a sensor of this size.
     pub fn try_new(spec: &ViewSpec, geometry: Geometry) -> Result<Self, BadView> {
-        let slicer = Slicer::try_new(spec.period_us).map_err(BadView::Period)?;
+        let cut = spec.cut()?;
         let dtype = spec.dtype.unwrap_or(spec.kind.dtype());
         let representation = AnyRepresentation::try_new(spec.kind, dtype, &spec.parameters()?, geometry)?;
-        Ok(Self { slicer, geometry, representation })
+        Ok(Self { cut, geometry, representation, kept: spec.kept()? })
     }
 
     /// Extent of its tensors.
@@ -205,9 +313,24 @@ impl View {
         self.geometry
     }
 
-    /// Where it cuts, with its counts of late events and skipped windows.
-    pub const fn slicer(&self) -> &Slicer {
-        &self.slicer
+    /// Events that came after their window had closed, since the start.
+    pub fn late(&self) -> u64 {
+        self.cut.late()
+    }
+
+    /// Empty windows left out, since the start.
+    pub fn skipped(&self) -> u64 {
+        self.cut.skipped()
+    }
+
+    /// Events dropped since they were older than `window_us` before their slice's last event, since the start.
+    pub fn older(&self) -> u64 {
+        self.kept.as_ref().map_or(0, KeptSlice::older)
+    }
+
+    /// Events dropped since their slice had more than `events_max`, since the start.
+    pub fn overflowed(&self) -> u64 {
+        self.kept.as_ref().map_or(0, KeptSlice::overflowed)
     }
 
     /// Events that a pixel could not count any more, since the start.
@@ -221,22 +344,22 @@ impl View {
             let (expected, found) = (self.geometry, span.geometry);
             return Err(PushError::Geometry(WrongGeometry { expected, found }));
         }
-        let mut pen = Pen::new(&mut self.representation, canvas);
-        self.slicer.push(span, |piece| pen.draw(piece));
+        let mut pen = Pen::new(&mut self.representation, &mut self.kept, self.geometry, canvas);
+        self.cut.push(span, |piece| pen.draw(piece));
         pen.done
     }
 
     /// Stream time has come to `now` µs, also without events: see [`Slicer::advance`].
     pub fn advance(&mut self, now: u64, canvas: &mut impl Canvas) -> Result<(), PushError> {
-        let mut pen = Pen::new(&mut self.representation, canvas);
-        self.slicer.advance(now, |piece| pen.draw(piece));
+        let mut pen = Pen::new(&mut self.representation, &mut self.kept, self.geometry, canvas);
+        self.cut.advance(now, |piece| pen.draw(piece));
         pen.done
     }
 
     /// The stream has ended at `now` µs: see [`Slicer::finish`].
     pub fn finish(&mut self, now: u64, canvas: &mut impl Canvas) -> Result<(), PushError> {
-        let mut pen = Pen::new(&mut self.representation, canvas);
-        self.slicer.finish(now, |piece| pen.draw(piece));
+        let mut pen = Pen::new(&mut self.representation, &mut self.kept, self.geometry, canvas);
+        self.cut.finish(now, |piece| pen.draw(piece));
         pen.done
     }
 }
@@ -244,13 +367,20 @@ impl View {
 /// Draws pieces onto a canvas and remembers if that could not be.
 struct Pen<'a, C> {
     representation: &'a mut AnyRepresentation,
+    kept: &'a mut Option<KeptSlice<Box<[Event]>>>,
+    geometry: Geometry,
     canvas: &'a mut C,
     done: Result<(), PushError>,
 }
 
 impl<'a, C: Canvas> Pen<'a, C> {
-    fn new(representation: &'a mut AnyRepresentation, canvas: &'a mut C) -> Self {
-        Self { representation, canvas, done: Ok(()) }
+    fn new(
+        representation: &'a mut AnyRepresentation,
+        kept: &'a mut Option<KeptSlice<Box<[Event]>>>,
+        geometry: Geometry,
+        canvas: &'a mut C,
+    ) -> Self {
+        Self { representation, kept, geometry, canvas, done: Ok(()) }
     }
 
     fn draw(&mut self, piece: Piece<'_>) {
@@ -258,22 +388,50 @@ impl<'a, C: Canvas> Pen<'a, C> {
             self.canvas.begin(window);
         }
         let memory = self.canvas.memory().unwrap_or_default();
-        if let Err(error) = self.representation.draw(piece, memory) {
+        let drawn = match self.kept.as_mut() {
+            None => self.representation.draw(piece, memory),
+            Some(kept) => draw_kept(self.representation, kept, self.geometry, piece, memory),
+        };
+        let piece = drawn.unwrap_or_else(|error| {
             self.done = Err(error);
-        }
+            piece
+        });
         if let Piece::End(closed) = piece {
             self.canvas.end(closed);
         }
     }
 }
 
+/// One piece of a slice that is kept until it ends, and drawn then. Its window is then known.
+fn draw_kept<'a>(
+    representation: &mut AnyRepresentation,
+    kept: &mut KeptSlice<Box<[Event]>>,
+    geometry: Geometry,
+    piece: Piece<'a>,
+    memory: &mut [u8],
+) -> Result<Piece<'a>, PushError> {
+    match piece {
+        Piece::Begin(_) => kept.begin(),
+        Piece::Events(span) => kept.push(span),
+        Piece::End(closed) => {
+            let (window, span) = kept.end(closed.window, geometry);
+            let closed = Closed { window, ..closed };
+            // All of it, also where the memory is of no use: a surface takes note of the events.
+            let begun = representation.draw(Piece::Begin(window), memory);
+            let drawn = representation.draw(Piece::Events(span), memory);
+            return begun.and(drawn).and(representation.draw(Piece::End(closed), memory));
+        }
+    }
+    Ok(piece)
+}
+
 /// One piece into memory that may be none. Without usable memory a representation draws into an empty tensor, which
 /// costs nothing and keeps its state.
-fn draw<R: Representation>(
+fn draw<'a, R: Representation>(
     representation: &mut R,
-    piece: Piece<'_>,
+    piece: Piece<'a>,
     memory: &mut [u8],
-) -> Result<(), PushError> {
+) -> Result<Piece<'a>, PushError> {
     let (expected, found) = (representation.shape().len() * size_of::<R::Pixel>(), memory.len());
     let pixels = if found == expected { bytemuck::try_cast_slice_mut(memory).ok() } else { None };
     let usable = pixels.is_some() || found == 0;
@@ -283,7 +441,7 @@ fn draw<R: Representation>(
         Piece::Events(span) => representation.accumulate(span, out).map_err(PushError::Geometry)?,
         Piece::End(_) => representation.finish(out),
     }
-    if usable { Ok(()) } else { Err(PushError::Memory { expected, found }) }
+    if usable { Ok(piece) } else { Err(PushError::Memory { expected, found }) }
 }
 
 macro_rules! any_representation {
@@ -303,7 +461,7 @@ macro_rules! any_representation {
             ) -> Result<Self, BadView> {
                 $(
                     if kind == Kind::$kind && dtype == <$type as Representation>::Pixel::DTYPE {
-                        let state = state(<$type as Build<State>>::state_len(parameters, geometry))?;
+                        let state: State = zeroed(<$type as Build<State>>::state_len(parameters, geometry))?;
                         return <$type>::build(parameters, geometry, state)
                             .map(Self::$variant)
                             .map_err(BadView::Representation);
@@ -330,7 +488,7 @@ macro_rules! any_representation {
                 }
             }
 
-            fn draw(&mut self, piece: Piece<'_>, memory: &mut [u8]) -> Result<(), PushError> {
+            fn draw<'a>(&mut self, piece: Piece<'a>, memory: &mut [u8]) -> Result<Piece<'a>, PushError> {
                 match self {
                     $(Self::$variant(representation) => draw(representation, piece, memory),)*
                 }
@@ -463,11 +621,78 @@ mod tests {
     }
 
     #[test]
+    fn every_way_to_cut_and_to_count_ages_gives_the_same_bytes_in_any_split() {
+        let last =
+            ViewSpec { reference: Some(Reference::LastEvent), ..ViewSpec::new("v", Kind::Tencode, 7_000) };
+        let short = ViewSpec { window_us: Some(500), events_max: Some(100), ..last.clone() };
+        let counted = ViewSpec { slice_events: Some(333), ..ViewSpec::new("v", Kind::VoxelGrid, 0) };
+        for (spec, windows) in [(last, 15), (short, 15), (counted, 16)] {
+            let whole = tensors(&spec, 5_000);
+            assert_eq!(whole.len(), windows);
+            assert_eq!(whole.iter().map(|(closed, _)| closed.events).sum::<u64>(), 5_000);
+            for len in [1, 63, 1_000] {
+                assert_eq!(tensors(&spec, len), whole, "{spec:?} blocks of {len}");
+            }
+        }
+    }
+
+    /// A window that ends at the newest event, whatever the grid; what is dropped is counted.
+    #[test]
+    fn the_last_event_is_the_reference() {
+        let mut view = view(
+            r#"{"name": "v", "kind": "tencode", "period_us": 1000, "reference": "last_event", "window_us": 100,
+                "events_max": 3}"#,
+        )
+        .unwrap();
+        let events = [650, 800, 900, 950].map(|t| Event::new(t, (t % 4) as u16, 0, Polarity::On));
+        let mut out = Vec::new();
+        let mut canvas =
+            Offline::new(view.len_bytes(), |closed, bytes: &[u8]| out.push((closed, bytes.to_vec())));
+        let span = Span { t_first: 650, t_last: 950, geometry: GEOMETRY, events: &events };
+        view.push(span, &mut canvas).unwrap();
+        view.finish(950, &mut canvas).unwrap();
+        let (closed, bytes) = &out[0];
+        assert_eq!((closed.window, closed.events), (Window { t0: 800, t1: 900 }, 4));
+        assert_eq!((view.older(), view.overflowed()), (1, 1));
+        let ages = &bytes[GEOMETRY.pixels()..][..4];
+        assert_eq!((bytes[0], ages), (255, [0, 0, 0, 0].as_slice()));
+    }
+
+    #[test]
     fn refuses_settings_that_mean_nothing() {
         for (json, text) in [
             (
                 r#"{"name": "v", "kind": "count", "period_us": 0}"#,
                 "period_us = 0 is not a period: give 1 to 1073741823 µs",
+            ),
+            (r#"{"name": "v", "kind": "count"}"#, "period_us = 0 is not a period: give 1 to 1073741823 µs"),
+            (
+                r#"{"name": "v", "kind": "count", "slice_events": 9, "period_us": 3}"#,
+                "period_us means nothing beside slice_events: remove it",
+            ),
+            (
+                r#"{"name": "v", "kind": "count", "slice_events": 9, "reference": "window_end"}"#,
+                "reference means nothing beside slice_events: remove it",
+            ),
+            (
+                r#"{"name": "v", "kind": "count", "slice_events": 0}"#,
+                "slice_events = 0 is out of range: give 1 to 2^28 events",
+            ),
+            (
+                r#"{"name": "v", "kind": "count", "period_us": 9, "window_us": 3}"#,
+                "window_us means nothing without a reference of last_event: remove it",
+            ),
+            (
+                r#"{"name": "v", "kind": "count", "period_us": 9, "reference": "last_event", "window_us": 0}"#,
+                "window_us = 0 is out of range: give 1 to 2^30 µs",
+            ),
+            (
+                r#"{"name": "v", "kind": "mcts", "period_us": 9, "windows_us": [0]}"#,
+                "windows_us = 0 is out of range: give 1 to 2^30 µs each",
+            ),
+            (
+                r#"{"name": "v", "kind": "slice_countmask", "period_us": 9, "percentile": 101}"#,
+                "percentile = 101 is out of range: give 0 to 100",
             ),
             (
                 r#"{"name": "v", "kind": "voxel_grid", "period_us": 9, "bins": 0}"#,
@@ -497,7 +722,6 @@ mod tests {
             assert_eq!(view(json).unwrap_err().to_string(), text, "{json}");
         }
         for json in [
-            r#"{"name": "v", "kind": "count"}"#,
             r#"{"kind": "count", "period_us": 9}"#,
             r#"{"name": "v", "kind": "counts", "period_us": 9}"#,
             r#"{"name": "v", "kind": "count", "period_us": 9, "perod": 1}"#,

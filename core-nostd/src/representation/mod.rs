@@ -17,6 +17,7 @@
 //! | [`SliceRedBlue`] | 3 x H x W (red, green, blue) | u8 | the prevailing polarity, clipped at a percentile |
 //! | [`EventImage`] | 3 x H x W (red, green, blue) | u8 | the last event's colour, fading |
 //!
+//! Ages are counted from the window's end; [`LastEvent`] counts any of them from the newest event.
 //! `Slice*` need the whole window before they know any value: they keep it in the caller's memory.
 //!
 //! Rows from the top, columns from the left, row-major.
@@ -28,6 +29,7 @@ mod digits;
 mod event_frame;
 mod event_image;
 mod index;
+mod last_event;
 mod mcts;
 mod parameters;
 mod pixel;
@@ -46,6 +48,7 @@ pub use binary::Binary;
 pub use count::Count;
 pub use event_frame::{Combine, EventFrame};
 pub use event_image::{EventImage, Palette};
+pub use last_event::{KeptSlice, LastEvent};
 pub use mcts::{Mcts, Scales};
 #[cfg(all(feature = "alloc", feature = "serde"))]
 pub(crate) use parameters::for_each_parameter;

@@ -13,7 +13,7 @@ use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 /// Where all are the same there is no sigma, and they become 0. Known only at the window's end: the grid is kept in
 /// memory of the caller's ([`state_len`](Self::state_len) elements).
 ///
-/// The bins span the window. Over a window from the first event to the newest (`LastEvent`) it is
+/// The bins span the window. Over a window from the first event to the newest ([`LastEvent`](crate::representation::LastEvent)) it is
 /// what the paper has.
 ///
 /// ```

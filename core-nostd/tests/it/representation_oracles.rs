@@ -6,7 +6,7 @@ use crate::representation::{GEOMETRY, PIXELS, counts, pixel, pixel_by_polarity, 
 use crate::streams::{self, Timed};
 use crate::window::oracle;
 use lobula_core::representation::*;
-use lobula_core::{Polarity, Representation, Window};
+use lobula_core::{CountSlicer, Event, Piece, Polarity, Representation, Window};
 use proptest::prelude::*;
 
 const PERIOD_US: u32 = 5_000;
@@ -91,7 +91,7 @@ fn bursts() -> impl Strategy<Value = Vec<Timed>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 64, ..Default::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 24, ..Default::default() })]
 
     #[test]
     fn binary_and_frames(events in streams::stream(GEOMETRY, 400)) {
@@ -284,6 +284,76 @@ proptest! {
             });
         }
     }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 24, ..Default::default() })]
+
+    /// Each slice alone, its window from `back` before its newest event, in memory for `room` events.
+    #[test]
+    fn ages_from_the_newest_event(
+        events in streams::stream(GEOMETRY, 300),
+        back in prop_oneof![Just(None), (1u32..20_000).prop_map(Some)],
+        room in 1usize..300,
+    ) {
+        let kept = vec![Event::default(); room];
+        let mut stage = LastEvent::try_new(Tencode::new(GEOMETRY), GEOMETRY, back, kept).unwrap();
+        let tensors = render(&mut stage, &events, PERIOD_US, &mut Splits::Random(13));
+        let (mut older, mut overflowed, mut before) = (0, 0, 0u64);
+        for ((grid, tensor), (_, inside)) in tensors.iter().zip(&oracle(&events, PERIOD_US).windows) {
+            let stored = &inside[..inside.len().min(room)];
+            overflowed += (inside.len() - stored.len()) as u64;
+            let newest = stored.iter().map(|timed| timed.t).max().unwrap_or(grid.t1);
+            let t1 = if before > newest && before - newest <= 1 << 29 { before } else { newest };
+            before = t1;
+            let reach = u64::from(back.unwrap_or(1 << 30));
+            let seen: Vec<Timed> = stored.iter().filter(|timed| t1 - timed.t <= reach).copied().collect();
+            older += (stored.len() - seen.len()) as u64;
+            let t0 = back.map_or(seen.iter().map(|timed| timed.t).min(), |us| Some(t1.saturating_sub(us.into())));
+            let mut plain = Tencode::new(GEOMETRY);
+            let mut expected = vec![0; 3 * PIXELS];
+            plain.begin(Window { t0: t0.unwrap_or(0), t1 }, &mut expected);
+            let memory = streams::block_events(&seen);
+            let span = lobula_core::Span { t_first: t1, t_last: t1, geometry: GEOMETRY, events: &memory };
+            plain.accumulate(span, &mut expected).unwrap();
+            prop_assert_eq!(tensor, &expected);
+        }
+        prop_assert_eq!((stage.slice().older(), stage.slice().overflowed()), (older, overflowed));
+    }
+}
+
+chunk_invariance!(representation last_event, |geometry| {
+    LastEvent::try_new(Tencode::new(geometry), geometry, Some(3_000), vec![Event::default(); 50]).unwrap()
+});
+
+/// The slices that a cutter by count gives: window, and number of events.
+fn slices_of(events: &[Timed], splits: &mut Splits) -> Vec<(Window, u64)> {
+    let (mut slicer, mut out, mut rest) = (CountSlicer::try_new(7).unwrap(), vec![], events);
+    let mut each = |piece: Piece<'_>| {
+        if let Piece::End(closed) = piece {
+            out.push((closed.window, closed.events));
+        }
+    };
+    while !rest.is_empty() {
+        let (piece, after) = rest.split_at(splits.next(streams::block_len(rest)));
+        let memory = streams::block_events(piece);
+        let (t_first, t_last) = (piece[0].t, piece[piece.len() - 1].t);
+        slicer.push(lobula_core::Span { t_first, t_last, geometry: GEOMETRY, events: &memory }, &mut each);
+        rest = after;
+    }
+    slicer.finish(&mut each);
+    out
+}
+
+chunk_invariance!(custom count_slicer, streams::stream(GEOMETRY, 300), |events, splits| slices_of(events, splits));
+
+#[test]
+fn slices_of_so_many_events() {
+    let times = [5u64, 9, 8, 5_000_000_000, 5_000_000_001, 5_000_000_002, 5_000_000_003, 5_000_000_004];
+    let events = times.map(|t| Timed::new(t, 0, 0, Polarity::On));
+    let expected =
+        [(Window { t0: 5, t1: 5_000_000_003 }, 7), (Window { t0: 5_000_000_004, t1: 5_000_000_004 }, 1)];
+    assert_eq!(slices_of(&events, &mut Splits::Ones), expected);
 }
 
 #[test]

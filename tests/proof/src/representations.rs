@@ -2,9 +2,9 @@
 
 use crate::export;
 use crate::export::{Export, slice_mut};
-use lobula_core::representation::{BadRepresentation, Build, Parameters};
+use lobula_core::representation::{BadRepresentation, Build, LastEvent, Parameters, Tencode};
 use lobula_core::{
-    BadPeriod, Geometry, Piece, Representation, Shape, Slicer, Span, Window, WrongGeometry,
+    BadPeriod, CountSlicer, Event, Geometry, Piece, Representation, Shape, Slicer, Span, Window, WrongGeometry,
     for_each_representation,
 };
 
@@ -87,11 +87,47 @@ unsafe fn slicer(at: *mut Slicer, period_us: u32) -> Result<(), BadPeriod> {
     Slicer::try_new(period_us).map(|slicer| unsafe { at.write(slicer) })
 }
 
+type Kept = LastEvent<Tencode, &'static mut [Event]>;
+
+unsafe fn keep(
+    at: *mut Kept,
+    geometry: Geometry,
+    window_us: Option<u32>,
+    events: (*mut Event, usize),
+) -> Result<(), BadRepresentation> {
+    // SAFETY: the caller's promise.
+    let events = unsafe { slice_mut(events.0, events.1) };
+    // SAFETY: the caller's promise.
+    LastEvent::try_new(Tencode::new(geometry), geometry, window_us, events).map(|kept| unsafe { at.write(kept) })
+}
+
+unsafe fn count(
+    slicer: *mut CountSlicer,
+    span: *const Span<'_>,
+    done: extern "C" fn(u64, u64),
+) -> Option<CountSlicer> {
+    let mut each = |piece: Piece<'_>| {
+        if let Piece::End(closed) = piece {
+            done(closed.window.t1, closed.events);
+        }
+    };
+    // SAFETY: the caller's promise.
+    let (slicer, span) = unsafe { (&mut *slicer, *span) };
+    slicer.push(span, &mut each);
+    slicer.finish(&mut each);
+    CountSlicer::try_new(span.t_first as u32)
+}
+
 macro_rules! representations {
     ($($variant:ident $kind:ident $type:ty;)+) => {
         pub const EXPORTS: &[Export] = &[
             export!(slicer),
             export!(end),
+            export!(count),
+            export!(keep),
+            export!(begin::<Kept>),
+            export!(accumulate::<Kept>),
+            export!(finish::<Kept>),
             $(
                 export!(make::<$type>),
                 export!(lens::<$type>),
