@@ -31,9 +31,9 @@ const DIFFERENCES: &[(&str, &str)] = &[
     (NOT_YET, "not here yet"),
 ];
 
-const NOT_YET: &str = "atsurf concat countmask crop decimate event_drop event_rate flip_x flip_y hot_pixel_filter \
-    invert_polarity mask mcts normalize_time pixel_dropout pset random_crop random_flip_x random_flip_y \
-    random_polarity_flip raw_image redblue resize rotate90 scale sort_by_time spatial_jitter tencode time_jitter \
+const NOT_YET: &str = "concat crop decimate event_drop event_rate flip_x flip_y hot_pixel_filter \
+    invert_polarity mask normalize_time pixel_dropout pset random_crop random_flip_x random_flip_y \
+    random_polarity_flip resize rotate90 scale sort_by_time spatial_jitter time_jitter \
     time_reversal time_scale time_shift time_window translate transpose undistort warp_affine warp_perspective";
 
 /// An operation of both.

@@ -1,6 +1,7 @@
 //! The operations measured: ours, and what makes the two sides' answers comparable. One file each.
 
 pub mod decode;
+pub mod fused;
 pub mod tensor;
 pub mod thinned;
 
@@ -57,6 +58,19 @@ ops! {
     Polarity polarity: "Events to counts per pixel and polarity.";
     Voxel5 voxel5: "Events to a voxel grid of 5 bins.";
     TimeSurface time_surface: "Events to a decayed time surface per polarity.";
+    Count count: "Events to counts per pixel.";
+    Binary binary: "Events to which pixels had any.";
+    PolarityShare polarity_share: "Events to counts per pixel and polarity, as shares of the greatest.";
+    AveragedTimeSurface averaged_time_surface: "Events to the mean decay per pixel and polarity.";
+    Mcts mcts: "Events to surfaces of five scales per polarity.";
+    Tencode tencode: "Events to the colour of the last one per pixel.";
+    Countmask countmask: "Events to an image of clipped counts.";
+    RedBlue red_blue: "Events to an image of the prevailing polarity.";
+    EventImage event_image: "Events to an image of the last one's colour, fading.";
+    Voxel5Share voxel5_share: "Events to a voxel grid of 5 bins of mean 0 and deviation 1.";
+    FilePolarity file_polarity: "EVT3 bytes to counts per pixel and polarity.";
+    FileVoxel5 file_voxel5: "EVT3 bytes to a voxel grid of 5 bins.";
+    FileTimeSurface file_time_surface: "EVT3 bytes to a decayed time surface per polarity.";
     Refractory refractory: "Events without those that follow too soon at their pixel.";
     BackgroundActivity background_activity: "Events without those that no neighbour supports.";
     HotPixel hot_pixel: "Events without those of pixels that fire far too often.";

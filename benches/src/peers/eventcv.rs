@@ -9,9 +9,10 @@ use std::path::PathBuf;
 use eventcv_core::io::{EventConsumer, EvtVersion, LoadOptions, SliceSource};
 use eventcv_core::io::{decode_words, open_raw_slice, read_raw};
 use eventcv_core::representation::{
-    EventFrame, EventFrameData, Polarity, PolarityAccumulator, Representation, RepresentationError,
-    TimeSurface, VoxelGrid,
+    AveragedTimeSurface, Binary, CountMask, EventCount, EventFrame, EventFrameData, Mcts, Polarity,
+    PolarityAccumulator, RedBlue, Representation, RepresentationError, Tencode, TimeSurface, VoxelGrid,
 };
+use eventcv_core::viz::render_raw;
 use eventcv_core::{EventStream, EventStreamBuilder};
 use lobula_core::Event;
 use lobula_core::wire::Encoding;
@@ -19,6 +20,7 @@ use lobula_core::wire::Encoding;
 use super::Library;
 use crate::contest::{Peer, Protocol, Work};
 use crate::input::{PACKET_EVENTS, Scene};
+use crate::op::fused::Stretch;
 use crate::op::{self, Op};
 use crate::wire::Wire;
 
@@ -125,6 +127,33 @@ impl EventCv {
                 let tau_ms = op::time_surface::TAU_US as f64 * MILLISECONDS_OF_A_MICROSECOND;
                 TimeSurface::new(tau_ms).generate(&own.tensor)
             }),
+            Op::Count => frame("EventCount::generate", |own| EventCount::new(false).generate(&own.tensor)),
+            Op::Binary => frame("Binary::generate", |own| Binary.generate(&own.tensor)),
+            Op::PolarityShare => {
+                frame("Polarity::generate normalised", |own| Polarity::new(true).generate(&own.tensor))
+            }
+            Op::AveragedTimeSurface => frame("AveragedTimeSurface::generate", |own| {
+                let tau_ms = op::averaged_time_surface::TAU_US as f64 * MILLISECONDS_OF_A_MICROSECOND;
+                AveragedTimeSurface::new(tau_ms).generate(&own.tensor)
+            }),
+            Op::Mcts => frame("Mcts::generate", |own| {
+                let max_ms = op::mcts::MAX_WINDOW_US as f64 * MILLISECONDS_OF_A_MICROSECOND;
+                Mcts::new(max_ms).generate(&own.tensor)
+            }),
+            Op::Tencode => {
+                frame("Tencode::generate", |own| Tencode::new(own.window_ms).generate(&own.tensor))
+            }
+            Op::Countmask => frame("CountMask::generate", |own| {
+                CountMask::new(op::countmask::PERCENTILE.into(), false).generate(&own.tensor)
+            }),
+            Op::RedBlue => frame("RedBlue::generate", |own| {
+                RedBlue::new(op::red_blue::PERCENTILE.into()).generate(&own.tensor)
+            }),
+            Op::EventImage => frame("render_raw", |own| {
+                let tau_ms = op::event_image::TAU_US as f64 * MILLISECONDS_OF_A_MICROSECOND;
+                let image = render_raw(&own.tensor, tau_ms);
+                EventFrame::intensity(EventFrameData::U8(image.pixels), 3 * own.size.0, own.size.1)
+            }),
             Op::Refractory => {
                 stream("refractory_filter", |all| all.refractory_filter(op::refractory::PERIOD_US.into()))
             }
@@ -134,7 +163,8 @@ impl EventCv {
             Op::HotPixel => {
                 stream("hot_pixel_filter", |all| all.hot_pixel_filter(op::hot_pixel::SIGMAS.into()))
             }
-            Op::Evt3Decode | Op::Evt2Decode | Op::Evt21Decode => return None,
+            Op::Evt3Decode | Op::Evt2Decode | Op::Evt21Decode | Op::Voxel5Share => return None,
+            Op::FilePolarity | Op::FileVoxel5 | Op::FileTimeSurface => return None, // see `fused`
         })
     }
 
@@ -199,6 +229,36 @@ impl Library for EventCv {
         }
     }
 
+    fn fused<'a>(&'a self, op: Op, stretch: &Stretch<'_>) -> Result<Vec<Peer<'a>>, String> {
+        let file = TemporaryFile::with_words("3.0", stretch.bytes)?;
+        let source = open_raw_slice(&file.0, &options(self.size)).map_err(|e| e.to_string())?;
+        let (t0, t1) = source.time_span();
+        let window_ms = self.window_ms;
+        let ((width, height), events) = (self.size, stretch.events as u64);
+        let tau_ms = op::time_surface::TAU_US as f64 * MILLISECONDS_OF_A_MICROSECOND;
+        let work: Work<'a> = Box::new(move || {
+            let _open = &file;
+            let whole = || source.slice_time(t0, t1 + SLICE_US).ok();
+            let built = match op {
+                Op::FilePolarity => PolarityAccumulator::new(width, height, 1).ok().and_then(|mut counts| {
+                    source.slice_time_into(t0, t1 + SLICE_US, &mut counts).ok()?;
+                    Some(counts.into_frame(false))
+                }),
+                Op::FileVoxel5 => whole().and_then(|stream| {
+                    VoxelGrid::new(op::voxel5::BINS.into(), window_ms).generate(&stream).ok()
+                }),
+                _ => whole().and_then(|stream| TimeSurface::new(tau_ms).generate(&stream).ok()),
+            };
+            black_box(built).map_or(0, |_| events)
+        });
+        let call = match op {
+            Op::FilePolarity => "slice_time_into a PolarityAccumulator",
+            Op::FileVoxel5 => "slice_time, VoxelGrid::generate",
+            _ => "slice_time, TimeSurface::generate",
+        };
+        Ok(vec![peer(call, work)])
+    }
+
     fn decoded(&self, wire: &Wire) -> Option<Vec<Event>> {
         (wire.encoding == Encoding::Evt2)
             .then(|| evt2(wire).map(|stream| events_of(&stream)).unwrap_or_default())
@@ -215,6 +275,10 @@ impl Library for EventCv {
     fn tensor(&self, op: Op) -> Vec<f32> {
         let Some(Making::Frame(make)) = self.made(op).map(|made| made.work) else { return Vec::new() };
         match make(self).map(EventFrame::into_data) {
+            // Interleaved: to planes.
+            Ok(EventFrameData::U8(values)) if op == Op::EventImage => {
+                (0..3).flat_map(|c| values.iter().skip(c).step_by(3)).map(|v| f32::from(*v)).collect()
+            }
             Ok(EventFrameData::U8(values)) => values.into_iter().map(f32::from).collect(),
             Ok(EventFrameData::U16(values)) => values.into_iter().map(f32::from).collect(),
             Ok(EventFrameData::U64(values)) => values.into_iter().map(|v| v as f32).collect(),

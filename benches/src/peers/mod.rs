@@ -4,6 +4,7 @@ use lobula_core::Event;
 
 use crate::contest::{Peer, Protocol};
 use crate::op::Op;
+use crate::op::fused::Stretch;
 use crate::wire::Wire;
 
 #[cfg_attr(feature = "peers", path = "eventcv.rs")]
@@ -25,6 +26,12 @@ pub trait Library {
     /// # Errors
     /// A sentence, where it cannot open the stream.
     fn decoders<'a>(&self, wire: &'a Wire, protocol: Protocol) -> Result<Vec<Peer<'a>>, String>;
+
+    /// Its ways from EVT3 words to the tensor of an operation.
+    ///
+    /// # Errors
+    /// A sentence, where it cannot open the stream.
+    fn fused<'a>(&'a self, op: Op, stretch: &Stretch<'_>) -> Result<Vec<Peer<'a>>, String>;
 
     /// The events it decodes of such a stream; `None` where it does not know the format.
     fn decoded(&self, wire: &Wire) -> Option<Vec<Event>>;

@@ -1,0 +1,26 @@
+//! Events to counts per pixel.
+
+use lobula_core::representation::Count;
+
+use super::Op;
+use super::tensor::Tensor;
+use crate::contest::Contest;
+use crate::input::Scene;
+use crate::peers::Library;
+
+/// The name in reports.
+pub const NAME: &str = "count";
+
+/// The operation's contests.
+///
+/// # Errors
+/// A sentence, where the peer's tensor is another.
+pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<Vec<Contest<'a>>, String> {
+    let op = Tensor {
+        op: Op::Count,
+        bar_stream: 5.0,
+        tolerance: 0.0,
+        note: "same counts; ours: u16; peer: u64",
+    };
+    op.contests(scene, peer, || Count::<u16>::new(scene.geometry))
+}
