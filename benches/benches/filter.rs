@@ -8,7 +8,7 @@ use lobula_core::chain::{Chain, FilterSpec, Spec};
 use lobula_core::filter::{
     BackgroundActivityParams, DenoiseParams, Neighbours, PolarityParams, RefractoryParams, Refresh,
 };
-use lobula_core::{Event, Filter, Polarity};
+use lobula_core::{Event, Polarity, Transform};
 
 /// Events of one pass: enough to leave the caches.
 const EVENTS: usize = 1_000_000;
@@ -47,7 +47,7 @@ fn thin(scene: &Scene, chain: &mut Chain) -> usize {
     let mut kept = 0;
     for packet in packets(scene.span(scene.events.len())) {
         let mut block = block_of(packet, &mut buffer);
-        kept += chain.retain(&mut block).unwrap_or_default();
+        kept += chain.apply(&mut block).unwrap_or_default();
         black_box(&mut block);
     }
     kept

@@ -147,6 +147,11 @@ pub trait Transform {
         after
     }
 
+    /// Where a time of the stream, in µs, is after it, for what comes beside events; `None` where nothing is any more.
+    fn time(&self, t: u64) -> Option<u64> {
+        Some(t)
+    }
+
     /// Changes a block in place, its geometry and its times included; returns how many events are left. A block that
     /// it does not take is not touched.
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit>;

@@ -3,6 +3,7 @@
 use crate::source::SourceSpec;
 use lobula_core::Geometry;
 use lobula_core::chain::{Chain, ChainCause, Spec, View, ViewSpec};
+use lobula_core::filter::FilterError;
 use lobula_core::simulation::SceneSpec;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -95,11 +96,16 @@ impl Config {
         }
         // The size of the sensor is not known before the source is open, and settings must not depend on it: any will do.
         let any = Geometry::new(64, 64);
-        if let Err(error) = Chain::try_new(&self.filters, any) {
-            // Where pixels are named, only the real size tells.
-            if !matches!(error.cause, ChainCause::PixelOffSensor { .. }) {
-                return Err(error.to_string());
-            }
+        if let Err(error) = Chain::try_new(&self.filters, any)
+            && !depends_on_size(&error.cause)
+        {
+            return Err(error.to_string());
+        }
+        // Packets, heartbeats and windows keep the camera's time, so that nothing may give events another.
+        if let Some((i, kind)) = self.filters.moves_time() {
+            return Err(format!(
+                "filter {i} ({kind}): a live stream keeps the camera's time: remove it, or convert a recording with it"
+            ));
         }
         for view in &self.views {
             View::try_new(view, any).map_err(|error| format!("view {:?}: {error}", view.name))?;
@@ -109,6 +115,14 @@ impl Config {
         }
         Ok(())
     }
+}
+
+/// Whether a stage could be made for a sensor of another size: only the real one tells.
+fn depends_on_size(cause: &ChainCause) -> bool {
+    matches!(
+        cause,
+        ChainCause::PixelOffSensor { .. } | ChainCause::Filter(FilterError::RegionOffSensor { .. })
+    )
 }
 
 fn is_name(c: char) -> bool {
@@ -181,8 +195,13 @@ mod tests {
 
     #[test]
     fn hot_pixels_may_be_anywhere_on_the_real_sensor() {
-        let text = "[[filter]]\nkind = \"denoise\"\nhot_pixels = [[1279, 719]]";
-        assert!(parse(text).is_ok(), "{text}");
+        for text in [
+            "[[filter]]\nkind = \"denoise\"\nhot_pixels = [[1279, 719]]",
+            "[[filter]]\nkind = \"region_of_interest\"\nx = 640\ny = 0\nwidth = 640\nheight = 720",
+            "[[filter]]\nkind = \"crop\"\nx = 640\ny = 0\nwidth = 640\nheight = 720",
+        ] {
+            assert!(parse(text).is_ok(), "{text}");
+        }
     }
 
     #[test]
@@ -195,6 +214,11 @@ mod tests {
         refused("[[filter]]\nkind = \"refractoryy\"\ndt_us = 1", &["did you mean `refractory`?"]);
         refused("[[filter]]\nkind = \"refractory\"\ndt_us = 2000000000", &["filter 0", "refractory"]);
         refused("[[view]]\nname = \"v\"\nkind = \"voxel_grid\"\nperiod_us = 0", &["view \"v\"", "period_us"]);
+        refused("[[filter]]\nkind = \"time_shift\"\ndt_us = 1", &["filter 0 (time_shift)", "camera's time"]);
+        refused(
+            "[[filter]]\nkind = \"crop\"\nx = 0\ny = 0\nwidth = 0\nheight = 1",
+            &["filter 0 (crop)", "no pixel"],
+        );
         let twice = "[[view]]\nname = \"v\"\nkind = \"count\"\nperiod_us = 9\n";
         refused(&format!("{twice}{twice}"), &["two views are named \"v\""]);
         refused("[camera\n", &["line 1"]);

@@ -13,6 +13,7 @@ use crate::source::{self, Source, SourceSpec};
 use crate::views::{self, ViewArrivals, ViewInlet, Views};
 use core::fmt;
 use lobula_client::{Error, Root, transport};
+use lobula_core::Transform;
 use lobula_core::chain::{Chain, View};
 use lobula_core::wire::Encoding;
 use std::sync::Arc;
@@ -152,6 +153,8 @@ impl Plan {
         let lossless = config.camera.source.is_lossless();
         let chain = Chain::try_new(&config.filters, geometry)
             .map_err(|error| StartError::Config(error.to_string()))?;
+        // Packets and views are of the sensor after the chain, and so is all that clients are told.
+        let geometry = chain.output_geometry();
         let mut need = crate::publish::events_bytes(lossless);
         let mut infos = Vec::new();
         for spec in &config.views {

@@ -8,7 +8,7 @@ use crate::source::Restart;
 use lobula_client::{ByteLedger, EventLedger, Flags, PACKET_EVENTS_MAX, PacketHeader, Stamps};
 use lobula_core::chain::Chain;
 use lobula_core::wire::{AnyDecoder, Encoding};
-use lobula_core::{Block, Counters, Decode, Event, Filter, Geometry, Sink, full_time};
+use lobula_core::{Block, Counters, Decode, Event, Geometry, Sink, Transform, full_time};
 
 /// Events decoded and filtered in one go: they stay in the first-level cache.
 const BLOCK_EVENTS: usize = 4096;
@@ -92,9 +92,9 @@ impl Pipeline {
         }
     }
 
-    /// The sensor's size.
+    /// The size of the sensor that packets are of: after the chain.
     pub fn geometry(&self) -> Geometry {
-        self.chain.geometry()
+        self.chain.output_geometry()
     }
 
     /// Decodes and filters what arrived, and hands out the packets that are full. What is left waits for
@@ -120,7 +120,7 @@ impl Pipeline {
         }
         let mut block = sink.block(self.chain.geometry());
         shift(&mut block, self.shift_us);
-        let fits = self.chain.retain(&mut block);
+        let fits = self.chain.apply(&mut block);
         debug_assert!(fits.is_ok(), "decoder and chain were made for one sensor");
         self.stamps.decoded_ns = clock::now_ns();
         let found = Found { t_first: block.t_first, t_last: block.t_last, len: block.len() };

@@ -1,7 +1,7 @@
 //! Filters: the events that are left.
 
 use crate::{Answer, Op, Slice};
-use lobula_core::Filter;
+use lobula_core::Transform;
 use lobula_core::chain::{Chain, Spec};
 
 pub const OPS: &[Op] = &[
@@ -39,7 +39,7 @@ pub const OPS: &[Op] = &[
 pub fn filtered(slice: &Slice, settings: &str) -> Answer {
     let spec: Spec = serde_json::from_str(settings).unwrap();
     let mut slice = slice.clone();
-    let left = Chain::try_new(&spec, slice.geometry).unwrap().retain(&mut slice.block()).unwrap();
+    let left = Chain::try_new(&spec, slice.geometry).unwrap().apply(&mut slice.block()).unwrap();
     slice.events.truncate(left);
     slice.answer()
 }

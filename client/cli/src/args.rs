@@ -5,6 +5,7 @@ use crate::input::{self, InputArgs};
 use crate::render;
 use clap::{Parser, Subcommand};
 use lobula_core::Polarity;
+use lobula_core::chain::Spec;
 use lobula_core::wire::Encoding;
 use lobula_formats::{Compression, Rebase};
 use std::path::PathBuf;
@@ -97,6 +98,10 @@ pub struct ConvertArgs {
     /// Only events of this part of the sensor, which keeps its size
     #[arg(long, value_name = "X,Y,WxH", value_parser = convert::region)]
     pub roi: Option<Region>,
+    /// Filters and transforms, first to last, after --polarity and --roi: JSON, or a file of it, such as
+    /// [{"kind": "denoise"}, {"kind": "crop", "x": 160, "y": 120, "width": 320, "height": 240}]
+    #[arg(long, value_name = "JSON|FILE", value_parser = convert::chain)]
+    pub chain: Option<Spec>,
     /// Format to write, in place of what the end of the name says
     #[arg(long, value_name = "NAME")]
     pub format: Option<String>,

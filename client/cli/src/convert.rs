@@ -4,8 +4,9 @@ use crate::Failure;
 use crate::args::{ConvertArgs, SliceArgs};
 use crate::output::{json, line, thousands};
 use crate::progress::Progress;
+use lobula_core::chain::{Chain, Spec};
 use lobula_core::filter::{PolarityFilter, PolarityParams, RegionOfInterest, RegionParams};
-use lobula_core::{Block, Event, Filter, Geometry, Polarity, WrongGeometry};
+use lobula_core::{Block, Event, Filter, Geometry, Polarity, Transform, WrongGeometry};
 use lobula_formats::{
     Copied, CopyOptions, CopyPart, Error, Rebase, Recording, WriteOptions, Writer, Written, copy,
 };
@@ -113,6 +114,17 @@ pub fn region(text: &str) -> Result<Region, String> {
     read().ok_or_else(|| format!("give left column, top row and size, such as 100,50,640x480, not {text}"))
 }
 
+/// Reads the stages of a chain: JSON, or the name of a file of it.
+pub fn chain(text: &str) -> Result<Spec, String> {
+    let read = |json: &str| serde_json::from_str(json).map_err(|error| error.to_string());
+    match text.trim_start().starts_with('[') {
+        true => read(text),
+        false => std::fs::read_to_string(text)
+            .map_err(|error| format!("{text}: {error}: give a list of stages in JSON, or a file of one"))
+            .and_then(|json| read(&json).map_err(|error| format!("{text}: {error}"))),
+    }
+}
+
 /// The part between two times.
 pub(crate) fn part(
     recording: &Recording,
@@ -147,6 +159,7 @@ struct Report {
     format: &'static str,
     events: u64,
     filtered: u64,
+    out_of_time: u64,
     triggers: u64,
     imu: u64,
     frames: u64,
@@ -174,6 +187,14 @@ fn write(recording: &Recording, output: &Path, part: CopyPart, args: &ConvertArg
     options.layout = args.layout.clone();
     options.overwrite = args.overwrite;
     options.rebase = args.rebase.unwrap_or_default();
+    let mut chain = match &args.chain {
+        None => None,
+        Some(spec) => Some(
+            Chain::try_new(spec, recording.sensor_size()?)
+                .map_err(|error| Failure::new(Failure::INPUT, format!("--chain: {error}")))?,
+        ),
+    };
+    let geometry = chain.as_ref().map(Chain::output_geometry).or(geometry);
     let mut writer = Writer::create(output, geometry, &options)?;
     let mut filter = Thin::new(recording.block_geometry(), args.polarity, args.roi)?;
     let mut progress = Progress::start(recording.bytes());
@@ -181,6 +202,7 @@ fn write(recording: &Recording, output: &Path, part: CopyPart, args: &ConvertArg
     let mut copying = CopyOptions::default();
     copying.part = part;
     copying.filter = filter.as_mut().map(|filter| filter as &mut dyn Filter);
+    copying.transform = chain.as_mut().map(|chain| chain as &mut dyn Transform);
     copying.progress = Some(&mut told);
     let copied = copy(recording, &mut writer, copying);
     progress.end();
@@ -210,6 +232,7 @@ fn tell(
             format: recording.format().name,
             events: written.events,
             filtered: copied.filtered,
+            out_of_time: copied.out_of_time,
             triggers: written.triggers,
             imu: written.imu,
             frames: written.frames,
@@ -247,6 +270,12 @@ fn tell(
     }
     if copied.filtered > 0 {
         line(format!("filtered {} events", thousands(copied.filtered)))?;
+    }
+    if copied.out_of_time > 0 {
+        line(format!(
+            "note: {} triggers, IMU samples and frames are of times that the chain leaves out",
+            thousands(copied.out_of_time)
+        ))?;
     }
     if copied.off_sensor > 0 {
         line(format!(
@@ -343,6 +372,9 @@ mod tests {
     fn regions_and_numbers() {
         assert_eq!(region("100,50,640x480"), Ok(Region { x: 100, y: 50, width: 640, height: 480 }));
         assert!(["100,50", "a,1,2x3", "1,2,3", "1,2,3x4x5"].iter().all(|bad| region(bad).is_err()));
+        assert!(chain("[{\"kind\": \"flip_x\"}]").is_ok_and(|spec| spec.filters.len() == 1));
+        assert!(chain("[{\"kind\": \"flip_z\"}]").is_err_and(|error| error.contains("flip_z")));
+        assert!(chain("no/such/file.json").is_err_and(|error| error.contains("no/such/file.json")));
         assert_eq!(numbers("5..9"), Ok(Numbers(5..9)));
         assert!(["5", "..", "5..", "a..b"].iter().all(|bad| numbers(bad).is_err()));
     }

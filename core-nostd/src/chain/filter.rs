@@ -1,12 +1,16 @@
 //! One stage of a chain: any filter of the registry, in memory of its own.
 
-use super::ChainCause;
+use super::{ChainCause, transform};
 use crate::filter::*;
+use crate::transform::{
+    AffineParams, CameraModel, CropParams, NoParams, PerspectiveParams, ResizeParams, Rotate90Params,
+    ScaleParams, TimeScaleParams, TimeShiftParams, TimeWindowParams, TranslateParams,
+};
 use crate::{Block, Event, Filter, Geometry, WrongGeometry};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 
-/// A filter and its parameters.
+/// A stage, which is a filter or a transform, and its parameters.
 ///
 /// A map's `shift` tells its entries: 0 (the default) for `u32` µs, n for `u16` ticks of 2^n µs, which halve the
 /// memory and round times down.
@@ -44,6 +48,46 @@ pub enum FilterSpec {
     Decimate(DecimateParams),
     /// [`RateLimit`].
     RateLimit(RateLimitParams),
+
+    /// [`Crop`](crate::transform::Crop).
+    Crop(CropParams),
+    /// [`FlipX`](crate::transform::FlipX).
+    FlipX(NoParams),
+    /// [`FlipY`](crate::transform::FlipY).
+    FlipY(NoParams),
+    /// [`Rotate90`](crate::transform::Rotate90).
+    Rotate90(Rotate90Params),
+    /// [`Transpose`](crate::transform::Transpose).
+    Transpose(NoParams),
+    /// [`Translate`](crate::transform::Translate).
+    Translate(TranslateParams),
+    /// [`Resize`](crate::transform::Resize).
+    Resize(ResizeParams),
+    /// [`Scale`](crate::transform::Scale).
+    Scale(ScaleParams),
+    /// [`Affine`](crate::transform::Affine).
+    Affine(AffineParams),
+    /// [`Perspective`](crate::transform::Perspective).
+    Perspective(PerspectiveParams),
+    /// [`Undistort`](crate::transform::Undistort), with its `model`: `brown_conrady` or `fisheye`.
+    Undistort(CameraModel),
+    /// [`InvertPolarity`](crate::transform::InvertPolarity).
+    InvertPolarity(NoParams),
+    /// [`TimeShift`](crate::transform::TimeShift).
+    TimeShift(TimeShiftParams),
+    /// [`TimeScale`](crate::transform::TimeScale).
+    TimeScale(TimeScaleParams),
+    /// [`TimeWindow`](crate::transform::TimeWindow).
+    TimeWindow(TimeWindowParams),
+    /// [`NormalizeTime`](crate::transform::NormalizeTime).
+    NormalizeTime(NoParams),
+}
+
+/// The pattern of every transform's spec.
+macro_rules! any_transform_spec {
+    ($($variant:ident $module:ident: $type:ty, $params:ty, $len:expr, $make:expr;)*) => {
+        $(FilterSpec::$variant(_))|*
+    };
 }
 
 impl FilterSpec {
@@ -65,7 +109,13 @@ impl FilterSpec {
             Self::AntiFlicker(_) => "anti_flicker",
             Self::Decimate(_) => "decimate",
             Self::RateLimit(_) => "rate_limit",
+            crate::transforms!(any_transform_spec) => transform::kind(self),
         }
+    }
+
+    /// Whether it gives events other times, or blocks: what a live stream's packets must not have.
+    pub const fn moves_time(&self) -> bool {
+        matches!(self, Self::TimeShift(_) | Self::TimeScale(_) | Self::NormalizeTime(_))
     }
 }
 
@@ -118,7 +168,7 @@ macro_rules! any_filter {
 crate::filters!(any_filter);
 
 impl AnyFilter {
-    /// The filter that `spec` describes, for events of this sensor.
+    /// The filter that `spec` describes, for events of this sensor. A transform is none.
     pub fn try_new(spec: &FilterSpec, geometry: Geometry) -> Result<Self, ChainCause> {
         match spec {
             FilterSpec::Polarity(params) => polarity::make(geometry, *params),
@@ -146,6 +196,7 @@ impl AnyFilter {
             FilterSpec::AntiFlicker(params) => anti_flicker::make(geometry, *params),
             FilterSpec::Decimate(params) => decimate::make(geometry, *params),
             FilterSpec::RateLimit(params) => rate_limit::make(geometry, *params),
+            crate::transforms!(any_transform_spec) => Err(ChainCause::NoFilter),
         }
     }
 }
@@ -228,7 +279,7 @@ impl DenoiseSpec {
 }
 
 /// Memory of its own for a filter; too much is an error and never an abort.
-fn memory<W: Clone + Default>(len: usize) -> Result<Box<[W]>, ChainCause> {
+pub(super) fn memory<W: Clone + Default>(len: usize) -> Result<Box<[W]>, ChainCause> {
     let bytes = len.saturating_mul(size_of::<W>());
     let mut words = Vec::new();
     words.try_reserve_exact(len).map_err(|_| ChainCause::OutOfMemory { bytes })?;

@@ -40,6 +40,10 @@ impl Transform for NormalizeTime {
         self.geometry
     }
 
+    fn time(&self, t: u64) -> Option<u64> {
+        t.checked_sub(self.origin?)
+    }
+
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
         self.geometry.check(block.geometry)?;
         let span = block.span();

@@ -60,6 +60,10 @@ impl Transform for TimeScale {
         ((after.saturating_sub(ROUNDED_US) as f64 / self.factor) as u64).min(after)
     }
 
+    fn time(&self, t: u64) -> Option<u64> {
+        Some(scaled(t, self.factor))
+    }
+
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
         self.geometry.check(block.geometry)?;
         let reach_max = self.reach_max(SPAN_MAX_US - 1);

@@ -41,6 +41,10 @@ impl Transform for TimeShift {
         self.geometry
     }
 
+    fn time(&self, t: u64) -> Option<u64> {
+        t.checked_add_signed(self.dt)
+    }
+
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
         Ok(shift(block, self.geometry, self.dt)?)
     }

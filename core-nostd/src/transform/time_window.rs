@@ -46,6 +46,10 @@ impl Transform for TimeWindow {
         self.geometry
     }
 
+    fn time(&self, t: u64) -> Option<u64> {
+        (self.params.t0_us..self.params.t1_us).contains(&t).then_some(t)
+    }
+
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
         let anchor = block.t_first;
         let offset = |t: u64| (i128::from(t) - i128::from(anchor)).clamp(-(1 << 40), 1 << 40) as i64;

@@ -3,7 +3,7 @@
 use crate::stage::{Books, PATIENCE, Stage, recording};
 use lobula_client::{Client, Error, SubscribeOptions};
 use lobula_core::chain::{Chain, Offline, Spec, View, ViewSpec};
-use lobula_core::{Block, Event, Filter};
+use lobula_core::{Block, Event, Geometry, Transform};
 use lobula_formats::Digest;
 use std::path::Path;
 
@@ -15,6 +15,9 @@ fn receive(client: &Client, clients: u32) -> (String, u64) {
     loop {
         let packet = events.recv(PATIENCE).unwrap().gapless().unwrap();
         books.enter(&packet);
+        assert!(
+            packet.span().events.iter().all(|event| packet.span().geometry.contains(event.x(), event.y()))
+        );
         digest.update(packet.span());
         if packet.is_end() {
             assert_eq!(books.joined_at, 0);
@@ -34,16 +37,21 @@ fn offline(path: &Path, filters: &str) -> (String, u64) {
         let span = chunk.span();
         let mut events: Vec<Event> = span.events.to_vec();
         let mut block = Block::new(span.t_first, span.t_last, span.geometry, &mut events);
-        count += chain.retain(&mut block).unwrap() as u64;
+        count += chain.apply(&mut block).unwrap() as u64;
         digest.update(block.span());
     }
     (digest.finish(), count)
 }
 
+/// With a transform among them, so that packets and views are of another sensor than the camera's.
 const FILTERS: &str = r#"[{ "kind": "refractory", "dt_us": 500 },
-    { "kind": "background_activity", "dt_us": 5000, "neighbours": "eight" }]"#;
+    { "kind": "rotate90", "k": 1 },
+    { "kind": "background_activity", "dt_us": 5000, "neighbours": "eight" },
+    { "kind": "resize", "width": 50, "height": 31 }]"#;
 const FILTERS_TOML: &str = "[[filter]]\nkind = \"refractory\"\ndt_us = 500\n\
-    [[filter]]\nkind = \"background_activity\"\ndt_us = 5000\nneighbours = \"eight\"\n";
+    [[filter]]\nkind = \"rotate90\"\nk = 1\n\
+    [[filter]]\nkind = \"background_activity\"\ndt_us = 5000\nneighbours = \"eight\"\n\
+    [[filter]]\nkind = \"resize\"\nwidth = 50\nheight = 31\n";
 
 fn lossless(path: &Path) -> String {
     format!("[camera]\nsource = {{ kind = \"file\", path = \"{}\", lossless = true }}\n", path.display())
@@ -120,7 +128,8 @@ fn offline_view(path: &Path, spec: &ViewSpec) -> Windows {
     let geometry = recording.sensor_size().unwrap();
     let filters: Spec = serde_json::from_str(FILTERS).unwrap();
     let mut chain = Chain::try_new(&filters, geometry).unwrap();
-    let mut view = View::try_new(spec, geometry).unwrap();
+    let mut view = View::try_new(spec, chain.output_geometry()).unwrap();
+    assert_eq!(chain.output_geometry(), Geometry::new(50, 31));
     let mut windows = Vec::new();
     let mut canvas = Offline::new(view.len_bytes(), |closed, bytes: &[u8]| {
         windows.push(((closed.window.t0, closed.window.t1, closed.events), bytes.to_vec()));
@@ -131,7 +140,7 @@ fn offline_view(path: &Path, spec: &ViewSpec) -> Windows {
         let span = chunk.span();
         let mut events: Vec<Event> = span.events.to_vec();
         let mut block = Block::new(span.t_first, span.t_last, span.geometry, &mut events);
-        chain.retain(&mut block).unwrap();
+        chain.apply(&mut block).unwrap();
         view.push(block.span(), &mut canvas).unwrap();
         now = span.t_last;
     }

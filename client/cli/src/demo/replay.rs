@@ -5,7 +5,7 @@ use super::child::Child;
 use super::plan::Plan;
 use super::truth::Truth;
 use crate::Failure;
-use lobula_core::Filter;
+use lobula_core::Transform;
 use lobula_core::chain::Chain;
 use lobula_core::simulation::{Camera, Scene};
 use lobula_formats::Digest;
@@ -119,7 +119,7 @@ fn offline(plan: &Plan, path: &Path) -> Result<(u64, String), Failure> {
     let (mut digest, mut events) = (Digest::default(), 0);
     let mut blocks = recording.blocks();
     while let Some(mut chunk) = blocks.next_block()? {
-        chain.retain(&mut chunk.block).map_err(Failure::general)?;
+        chain.apply(&mut chunk.block).map_err(Failure::general)?;
         let span = chunk.block.span();
         events += span.events.len() as u64;
         digest.update(span);

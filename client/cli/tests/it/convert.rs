@@ -74,6 +74,45 @@ fn parts_are_what_the_options_say() {
 }
 
 #[test]
+fn a_chain_moves_events_in_space_and_time() {
+    let Some(from) = data("evt3_trigger_1280x720.raw") else { return };
+    let whole = info(&from);
+    let folder = tempfile::tempdir().unwrap();
+    let to = folder.path().join("it.raw");
+    let files = ["convert", from.to_str().unwrap(), to.to_str().unwrap(), "--overwrite", "--json"];
+    let through = |chain: &str| (json(&[&files[..], &["--chain", chain]].concat()), info(&to));
+    let number = |value: &Value| value.as_u64().unwrap();
+
+    let (_, back) =
+        through(r#"[{ "kind": "rotate90", "k": 1 }, { "kind": "flip_x" }, { "kind": "transpose" }]"#);
+    assert_eq!((&back["sha256"], &back["width"]), (&whole["sha256"], &whole["width"]));
+
+    let (told, left) = through(r#"[{ "kind": "crop", "x": 0, "y": 0, "width": 640, "height": 720 }]"#);
+    assert_eq!((number(&left["width"]), number(&left["height"])), (640, 720));
+    assert_eq!(number(&told["events"]) + number(&told["filtered"]), number(&whole["events"]));
+    json(&[&files[..], &["--roi", "0,0,640x720"]].concat());
+    assert_eq!(left["events"], info(&to)["events"]);
+
+    let first = number(&whole["t_first_us"]);
+    let (told, later) = through(r#"[{ "kind": "time_shift", "dt_us": 5000 }]"#);
+    assert_eq!(number(&later["t_first_us"]), first + 5000);
+    assert_eq!((&later["events"], &later["triggers"]), (&whole["events"], &whole["triggers"]));
+    assert_eq!(number(&told["out_of_time"]), 0);
+
+    // Slow motion: what was a second takes hours, far more than one block can span.
+    let (_, slow) = through(r#"[{ "kind": "normalize_time" }, { "kind": "time_scale", "factor": 100000 }]"#);
+    let last = number(&whole["t_last_us"]) - first;
+    assert_eq!((number(&slow["t_first_us"]), number(&slow["t_last_us"])), (0, last * 100_000));
+    assert_eq!(slow["events"], whole["events"]);
+
+    let error = refused(
+        &[&files[..], &["--chain", r#"[{ "kind": "crop", "x": 0, "y": 0, "width": 0, "height": 1 }]"#]]
+            .concat(),
+    );
+    assert!(error.contains("--chain: filter 0 (crop): no pixel would be left"), "{error}");
+}
+
+#[test]
 fn a_slice_of_nothing_said_is_refused() {
     let Some(from) = data("evt3_gen41_1280x720.raw") else { return };
     let error = refused(&["slice", from.to_str().unwrap(), "/dev/null/x.raw"]);
