@@ -8,7 +8,8 @@
 //!  &[u8] ─▶ wire (Decode) ─▶ Block ─▶ filter (Filter) ─▶ Block ─▶ window (Slicer) ─▶ representation ─▶ &mut [Pixel]
 //! ```
 //!
-//! Features: `std` (CPU detection for SIMD kernels), `alloc` + `serde` (chains and views built from a Spec).
+//! Features: `std` (CPU detection for SIMD kernels), `alloc` + `serde` (chains and views built from a Spec), `link`
+//! (messages over a UART).
 #![cfg_attr(not(any(test, feature = "std")), no_std)]
 
 #[cfg(feature = "alloc")]
@@ -22,6 +23,7 @@ mod stage;
 mod trigger;
 mod unwrap;
 
+pub mod link;
 pub mod ring;
 pub mod wire;
 

@@ -5,6 +5,8 @@
 mod chunk_invariance;
 mod augmentation;
 mod filter;
+#[cfg(feature = "link")]
+mod link;
 mod merge;
 mod representation;
 mod representation_oracles;

@@ -10,6 +10,7 @@
 
 mod export;
 mod filters;
+mod link;
 mod representations;
 mod rings;
 mod slices;
@@ -53,6 +54,7 @@ pub extern "C" fn lobula_proof(list: usize, index: usize) -> *const () {
         slices::EXPORTS,
         representations::EXPORTS,
         rings::EXPORTS,
+        link::EXPORTS,
         PLANTED,
     ];
     let export = lists.get(list).and_then(|list| list.get(index));
