@@ -3,6 +3,7 @@
 //! | kind | shape | element | value |
 //! |---|---|---|---|
 //! | [`Count`] | 1 x H x W | u8, u16, f32 | number of events |
+//! | [`TileCount`] | 1 x H/tile x W/tile | u16, f32 | number of events of each tile |
 //! | [`Binary`] | 1 x H x W | u8 | whether there were any |
 //! | [`PolarityHistogram`] | 2 x H x W (ON, OFF) | u8, u16, f32 | number of events |
 //! | [`SlicePolarityHistogram`] | 2 x H x W (ON, OFF) | u8 | the same as a share of the greatest |
@@ -10,6 +11,7 @@
 //! | [`VoxelGrid`] | bins x H x W (each polarity apart: 2 bins) | f32 | events of sign ±1, shared between the two nearest bins in time, or in the nearest |
 //! | [`SliceVoxelGrid`] | bins x H x W | f32 | the same with mean 0 and deviation 1 |
 //! | [`TimeSurface`] | 2 x H x W (ON, OFF) | f32, f16 | exp(-age / tau), or 1 - age / tau, of the pixel's last event |
+//! | [`IntegerTimeSurface`] | 2 x H x W (ON, OFF) | u8 | 255 times the same, from a table: for microcontrollers |
 //! | [`AveragedTimeSurface`] | 2 x H x W (ON, OFF) | f32 | mean of exp(-age / tau) over the pixel's events |
 //! | [`Mcts`] | 2 N x H x W (OFF, ON) | f32, f16 | 1 - age / w of the pixel's last event for N scales w |
 //! | [`Tencode`] | 3 x H x W (ON, age, OFF) | u8 | polarity and age of the pixel's last event |
@@ -30,6 +32,7 @@ mod event_frame;
 mod event_image;
 mod index;
 mod last_event;
+mod integer_time_surface;
 mod mcts;
 mod parameters;
 mod pixel;
@@ -40,6 +43,7 @@ mod slice_red_blue;
 mod slice_voxel_grid;
 mod stamps;
 mod tencode;
+mod tile_count;
 mod time_surface;
 mod voxel_grid;
 
@@ -49,6 +53,7 @@ pub use count::Count;
 pub use event_frame::{Combine, EventFrame};
 pub use event_image::{EventImage, Palette};
 pub use last_event::{KeptSlice, LastEvent};
+pub use integer_time_surface::IntegerTimeSurface;
 pub use mcts::{Mcts, Scales};
 #[cfg(all(feature = "alloc", feature = "serde"))]
 pub(crate) use parameters::for_each_parameter;
@@ -60,6 +65,7 @@ pub use slice_polarity_histogram::SlicePolarityHistogram;
 pub use slice_red_blue::SliceRedBlue;
 pub use slice_voxel_grid::SliceVoxelGrid;
 pub use tencode::Tencode;
+pub use tile_count::TileCount;
 pub use time_surface::{Decay, TimeSurface};
 pub use voxel_grid::{Interpolation, Polarities, VoxelGrid};
 
@@ -83,6 +89,9 @@ macro_rules! for_each_representation {
             VoxelGridF32 VoxelGrid $crate::representation::VoxelGrid;
             TimeSurfaceF32 TimeSurface $crate::representation::TimeSurface<f32, $state>;
             TimeSurfaceF16 TimeSurface $crate::representation::TimeSurface<$crate::f16, $state>;
+            TimeSurfaceU8 TimeSurface $crate::representation::IntegerTimeSurface<$state>;
+            TileCountU16 TileCount $crate::representation::TileCount<u16>;
+            TileCountF32 TileCount $crate::representation::TileCount<f32>;
             Binary Binary $crate::representation::Binary;
             SlicePolarityHistogram SlicePolarityHistogram $crate::representation::SlicePolarityHistogram<$state>;
             EventFrameU8 EventFrame $crate::representation::EventFrame<u8>;
@@ -137,8 +146,10 @@ kinds! {
     PolarityHistogram, "polarity_histogram", U8;
     /// [`VoxelGrid`].
     VoxelGrid, "voxel_grid", F32;
-    /// [`TimeSurface`].
+    /// [`TimeSurface`], or [`IntegerTimeSurface`].
     TimeSurface, "time_surface", F32;
+    /// [`TileCount`].
+    TileCount, "tile_count", U16;
     /// [`Binary`].
     Binary, "binary", U8;
     /// [`SlicePolarityHistogram`].

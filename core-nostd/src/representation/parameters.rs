@@ -17,6 +17,9 @@ macro_rules! for_each_parameter {
             /// [`AveragedTimeSurface`](crate::representation::AveragedTimeSurface) or
             /// [`EventImage`](crate::representation::EventImage) in µs, 1 to 2^25. Default 30000.
             tau_us: u32 = 30_000, TimeSurface AveragedTimeSurface EventImage;
+            /// Width and height of the tiles of a [`TileCount`](crate::representation::TileCount) in pixels, a power of
+            /// two. Default 16.
+            tile_px: u16 = 16, TileCount;
             /// How a time surface decays: `"exponential"` (default) or `"linear"`.
             decay: crate::representation::Decay = crate::representation::Decay::Exponential, TimeSurface;
             /// What an [`EventFrame`](crate::representation::EventFrame) makes of a pixel's events: `"sum"` (default)

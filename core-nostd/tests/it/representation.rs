@@ -4,7 +4,8 @@ use crate::chunk_invariance::Splits;
 use crate::streams::{self, Timed};
 use crate::window::{Sliced, oracle, slice};
 use lobula_core::representation::{
-    Build, Count, Parameters, Pixel, PolarityHistogram, TimeSurface, VoxelGrid,
+    Build, Count, Decay, IntegerTimeSurface, Parameters, Pixel, PolarityHistogram, TileCount, TimeSurface,
+    VoxelGrid,
 };
 use lobula_core::{
     Event, Geometry, Piece, Polarity, Representation, Span, Window, WrongGeometry, f16,
@@ -18,7 +19,7 @@ pub const PIXELS: usize = GEOMETRY.pixels();
 /// What a representation is built from in tests: small, and with a decay that shows.
 fn parameters() -> Parameters {
     let mut parameters = Parameters::default();
-    (parameters.bins, parameters.tau_us) = (5, 2_000);
+    (parameters.bins, parameters.tau_us, parameters.tile_px) = (5, 2_000, 2);
     parameters
 }
 
@@ -139,6 +140,39 @@ fn check_surface(events: &[Timed], period_us: u32, tau_us: u32) {
     }
 }
 
+/// The integer surface with 64-bit times, and its decay in double precision.
+fn check_surface_u8(events: &[Timed], period_us: u32, tau_us: u32) {
+    for (decay, share) in [
+        (Decay::Exponential, (|decays| (-decays).exp()) as fn(f64) -> f64),
+        (Decay::Linear, |decays| (1.0 - decays).max(0.0)),
+    ] {
+        check_decay_u8(events, period_us, tau_us, decay, share);
+    }
+}
+
+fn check_decay_u8(events: &[Timed], period_us: u32, tau_us: u32, decay: Decay, share: fn(f64) -> f64) {
+    let tick = u64::from(IntegerTimeSurface::<()>::tick_us(tau_us));
+    let state = vec![0xDEAD_BEEF; IntegerTimeSurface::<()>::state_len(GEOMETRY)];
+    let mut stage = IntegerTimeSurface::try_new(GEOMETRY, tau_us, state).unwrap().with_decay(decay);
+    let tensors = render(&mut stage, events, period_us, &mut Splits::Random(5));
+    let Sliced { windows, .. } = oracle(events, period_us);
+    assert_eq!(tensors.len(), windows.len());
+    let mut last: Vec<Option<u64>> = vec![None; 2 * PIXELS];
+    let mut before = 0;
+    for ((window, tensor), (_, inside)) in tensors.iter().zip(&windows) {
+        if window.t1 < before {
+            last.fill(None); // the clock has restarted
+        }
+        before = window.t1;
+        inside.iter().for_each(|timed| last[pixel_by_polarity(timed.event)] = Some(timed.t.max(window.t0)));
+        for (found, last) in tensor.iter().zip(&last) {
+            let decays = |t: u64| ((window.t1 / tick - t / tick) * tick) as f64 / f64::from(tau_us);
+            let expected = last.map_or(0.0, |t| 255.0 * share(decays(t)));
+            assert!((f64::from(*found) - expected).abs() < 0.5 + 1e-4, "{found} {expected} tau {tau_us}");
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, cases: 64, ..Default::default() })]
 
@@ -174,6 +208,16 @@ proptest! {
         tau_us in prop_oneof![1u32..100, 100u32..100_000, 100_000u32..=1 << 25],
     ) {
         check_surface(&events, period_us, tau_us);
+        check_surface_u8(&events, period_us, tau_us);
+    }
+
+    #[test]
+    fn counts_tiles_as_the_oracle(events in streams::stream(GEOMETRY, 400), log2 in 0u32..16) {
+        let tile = 1u16 << log2;
+        let in_row = usize::from(GEOMETRY.width.div_ceil(tile));
+        let cell = |event: Event| usize::from(event.y() / tile) * in_row + usize::from(event.x() / tile);
+        check_counts(TileCount::<u16>::try_new(GEOMETRY, tile).unwrap(), &events, 65_535, cell, |n| u64::from(*n));
+        check_counts(TileCount::<f32>::try_new(GEOMETRY, tile).unwrap(), &events, 1 << 24, cell, |n| *n as u64);
     }
 }
 
@@ -188,6 +232,7 @@ fn surfaces_hold_at_the_edges_of_32_bits() {
                 let timed = |(x, t): (usize, &u64)| Timed::new(*t, x as u16, 0, Polarity::On);
                 let events: Vec<Timed> = times.iter().enumerate().map(timed).collect();
                 check_surface(&events, period_us, tau_us);
+                check_surface_u8(&events, period_us, tau_us);
             }
         }
     }
@@ -199,8 +244,10 @@ fn surfaces_hold_through_hours_of_events() {
     let events: Vec<Timed> = (0..2_000u64)
         .map(|i| Timed::new(i * 20_000_003, (i * 7 % 16) as u16, (i / 500) as u16, Polarity::On))
         .collect();
-    check_surface(&events, 50_000_000, 1 << 25);
-    check_surface(&events, (1 << 30) - 1, 1 << 25);
+    for check in [check_surface, check_surface_u8] {
+        check(&events, 50_000_000, 1 << 25);
+        check(&events, (1 << 30) - 1, 1 << 25);
+    }
 }
 
 #[test]
@@ -328,6 +375,14 @@ fn refuses_what_makes_no_sense() {
     for tau_us in [0, (1 << 25) + 1, u32::MAX] {
         assert!(TimeSurface::<f32, _>::try_new(GEOMETRY, tau_us, vec![0; 2 * PIXELS]).is_err(), "{tau_us}");
     }
+    for tile_px in [0, 3, 100, u16::MAX] {
+        assert!(TileCount::<u16>::try_new(GEOMETRY, tile_px).is_err(), "{tile_px}");
+    }
+    for tau_us in [0, (1 << 25) + 1] {
+        let state = vec![0; IntegerTimeSurface::<()>::state_len(GEOMETRY)];
+        assert!(IntegerTimeSurface::try_new(GEOMETRY, tau_us, state).is_err(), "{tau_us}");
+    }
+    assert!(IntegerTimeSurface::try_new(GEOMETRY, 1, vec![0; PIXELS]).is_err());
     for len in [0, 2 * PIXELS - 1, 2 * PIXELS + 1] {
         assert!(TimeSurface::<f32, _>::try_new(GEOMETRY, 1, vec![0; len]).is_err(), "{len}");
     }
