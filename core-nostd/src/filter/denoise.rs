@@ -65,6 +65,9 @@ pub struct Denoise<T, S> {
     rules: Rules,
 }
 
+/// Whether branches are cheap, as on a microcontroller: it saves to count the neighbours of what is dropped anyway.
+const SMALL: bool = cfg!(target_pointer_width = "32");
+
 /// The age that every event has reached: the period of a rule that is off.
 const OFF: i32 = i32::MIN;
 
@@ -130,6 +133,10 @@ fn is_signal<T: Stamp, const TRAILS: bool, const ALIKE: bool>(
         return None;
     }
     let (pixel, neighbours) = pixels.neighbourhood(place)?;
+    if SMALL && !(TRAILS | ALIKE) && now.age(pixel.get()) < rules.refractory {
+        pixel.set(now);
+        return Some(false);
+    }
     let support = if ALIKE {
         recent_alike(neighbours, now, rules.support_dt, on.around(place)? ^ !event.on_mask())
     } else {

@@ -119,7 +119,7 @@ impl Decoder {
         let spare = sink.spare();
         let done = match self.kernel {
             Chosen::Plain => Done::default(),
-            Chosen::Portable => portable::run(&mut steady, words, spare),
+            Chosen::Branching | Chosen::Portable => portable::run(&mut steady, words, spare),
             Chosen::Avx512(cpu) => {
                 let done = avx512::run(cpu, &mut steady, words, spare);
                 let words = words.get(done.words..).unwrap_or_default();

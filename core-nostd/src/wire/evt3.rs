@@ -25,6 +25,7 @@ use crate::{
 
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod branching;
 mod kernel;
 mod portable;
 #[cfg(test)]

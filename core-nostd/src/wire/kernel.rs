@@ -18,6 +18,9 @@ use super::avx512;
 pub enum Kernel {
     /// One word after another: the definition, which the others are tested against.
     Plain,
+    /// A branch on every word, for microcontrollers: EVT3 takes 35 instructions an event on a Cortex-M4, portable 53
+    /// (`tests/firmware`, 2026-11-22). The other formats are as portable.
+    Branching,
     /// Tables instead of branches, for every CPU: no instructions of any one.
     Portable,
     /// Sixteen words at a time, on an x86-64 CPU with AVX-512 (F, BW, CD, VL, VBMI2 and VPOPCNTDQ).
@@ -26,7 +29,7 @@ pub enum Kernel {
 
 impl Kernel {
     /// Every kernel, slowest first.
-    pub const ALL: [Self; 3] = [Self::Plain, Self::Portable, Self::Avx512];
+    pub const ALL: [Self; 4] = [Self::Plain, Self::Branching, Self::Portable, Self::Avx512];
 
     /// Whether this CPU has what it takes: seen at run time with feature `std`, else what the code is compiled for.
     pub fn is_available(self) -> bool {
@@ -35,12 +38,17 @@ impl Kernel {
 
     /// The fastest kernel of this CPU.
     pub fn best() -> Self {
-        if Self::Avx512.is_available() { Self::Avx512 } else { Self::Portable }
+        match () {
+            () if Self::Avx512.is_available() => Self::Avx512,
+            () if cfg!(target_pointer_width = "32") => Self::Branching,
+            () => Self::Portable,
+        }
     }
 
     pub(super) fn choose(self) -> Chosen {
         match self {
             Self::Plain => Chosen::Plain,
+            Self::Branching => Chosen::Branching,
             Self::Portable => Chosen::Portable,
             Self::Avx512 => avx512::Cpu::detect().map_or(Chosen::Portable, Chosen::Avx512),
         }
@@ -51,6 +59,7 @@ impl Kernel {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Chosen {
     Plain,
+    Branching,
     Portable,
     Avx512(avx512::Cpu),
 }

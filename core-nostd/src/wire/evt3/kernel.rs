@@ -2,7 +2,7 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::avx512;
-use super::portable;
+use super::{branching, portable};
 use crate::wire::kernel::{Chosen, Done};
 use crate::{Event, Geometry, Polarity};
 
@@ -26,6 +26,7 @@ pub(super) struct Steady {
 pub(super) fn run(kernel: Chosen, state: &mut Steady, words: &[[u8; 2]], out: &mut [Event]) -> Done {
     match kernel {
         Chosen::Plain => Done::default(),
+        Chosen::Branching => branching::run(state, words, out),
         Chosen::Portable => portable::run(state, words, out),
         Chosen::Avx512(cpu) => {
             let done = avx512::run(cpu, state, words, out);
