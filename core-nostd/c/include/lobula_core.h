@@ -69,7 +69,7 @@ typedef struct lobula_decoder {
     uint64_t opaque[32];
 } lobula_decoder;
 typedef struct lobula_filter {
-    uint64_t opaque[24];
+    uint64_t opaque[40];
 } lobula_filter;
 typedef struct lobula_representation {
     uint64_t opaque[24];
@@ -154,10 +154,59 @@ typedef struct lobula_double_window_params {
     uint16_t support;
 } lobula_double_window_params;
 
+typedef struct lobula_stcf_params {
+    uint32_t dt_us;     /* how long ago a neighbour's event still supports */
+    uint8_t support;    /* of 8 neighbours */
+    bool same_polarity; /* whether only events of the same polarity support */
+    uint8_t shift;
+} lobula_stcf_params;
+
+/* The memory is the mask, bit i % 32 of word i / 32 for pixel i = y * width + x: it is read, and not cleared. */
+typedef struct lobula_mask_params {
+    bool outside; /* keep the events outside of the mask, else those inside */
+} lobula_mask_params;
+
+typedef struct lobula_leaky_hot_pixel_params {
+    uint32_t period_us; /* each counter loses `leak` a period */
+    uint8_t limit;      /* above it a pixel is hot */
+    uint8_t leak;
+} lobula_leaky_hot_pixel_params;
+
+typedef struct lobula_trail_params {
+    uint32_t dt_us; /* the pause that ends a burst */
+    uint8_t keep;   /* 0: trail filter, 1: STC without trail, 2: STC with trail */
+    uint8_t shift;
+} lobula_trail_params;
+
+typedef struct lobula_inceptive_params {
+    uint32_t dt_us;
+    uint8_t keep; /* 0: inceptive, 1: confirming, 2: trailing events */
+    uint8_t shift;
+} lobula_inceptive_params;
+
+typedef struct lobula_anti_flicker_params {
+    uint32_t frequency_hz; /* the middle of the band */
+    uint32_t band_hz;      /* to either side */
+    uint8_t tile_shift;    /* tiles of 2^tile_shift pixels */
+    uint8_t burst;
+    uint8_t cycles;
+    bool keep_flickering; /* else the steady ones */
+} lobula_anti_flicker_params;
+
+typedef struct lobula_decimate_params {
+    uint32_t n; /* of how many events one is kept */
+} lobula_decimate_params;
+
+typedef struct lobula_rate_limit_params {
+    uint32_t events; /* the most that are kept in a period */
+    uint32_t period_us;
+    uint8_t tile_shift; /* tiles of 2^tile_shift pixels share fairly */
+} lobula_rate_limit_params;
+
 /* For each FILTER, with its PARAMS and the WORD of its memory:
  *
  * lobula_FILTER_required_len  words of memory that it needs (0: give NULL and 0)
- * lobula_FILTER_init          checks everything; memory may hold anything
+ * lobula_FILTER_init          checks everything; memory may hold anything (but a mask's)
  * lobula_FILTER_retain        keeps the events of a block that pass, in place and in order
  * lobula_FILTER_keep          whether an event passes, for those who have no block
  * lobula_FILTER_advance       tells stream time; only needed beside lobula_FILTER_keep
@@ -180,6 +229,17 @@ LOBULA_FILTER(background_activity_u16, lobula_background_activity_params, uint16
 LOBULA_FILTER(denoise_u32, lobula_denoise_params, uint32_t)
 LOBULA_FILTER(denoise_u16, lobula_denoise_params, uint16_t)
 LOBULA_FILTER(double_window, lobula_double_window_params, uint32_t)
+LOBULA_FILTER(stcf_u32, lobula_stcf_params, uint32_t)
+LOBULA_FILTER(stcf_u16, lobula_stcf_params, uint16_t)
+LOBULA_FILTER(mask, lobula_mask_params, uint32_t)
+LOBULA_FILTER(leaky_hot_pixel, lobula_leaky_hot_pixel_params, uint8_t)
+LOBULA_FILTER(trail_u32, lobula_trail_params, uint32_t)
+LOBULA_FILTER(trail_u16, lobula_trail_params, uint16_t)
+LOBULA_FILTER(inceptive_u32, lobula_inceptive_params, uint32_t)
+LOBULA_FILTER(inceptive_u16, lobula_inceptive_params, uint16_t)
+LOBULA_FILTER(anti_flicker, lobula_anti_flicker_params, uint32_t)
+LOBULA_FILTER(decimate, lobula_decimate_params, uint8_t)
+LOBULA_FILTER(rate_limit, lobula_rate_limit_params, uint32_t)
 
 /* From now on the pixel is hot; false, and nothing is done, off the sensor. */
 bool lobula_hot_pixel_mask(lobula_filter *filter, uint16_t x, uint16_t y);

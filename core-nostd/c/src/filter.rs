@@ -3,15 +3,18 @@
 use crate::memory::{Opaque, slice_mut};
 use crate::{Block, Size, Status};
 use lobula_core::filter::{
-    BackgroundActivity, BackgroundActivityParams, Denoise, DenoiseParams, DoubleWindow, DoubleWindowParams,
-    FilterError, HotPixelFilter, Neighbours, PixelMask, PolarityFilter, PolarityMatch, PolarityParams,
-    Refractory, RefractoryParams, Refresh, RegionOfInterest, RegionParams,
+    AntiFlicker, AntiFlickerParams, BackgroundActivity, BackgroundActivityParams, Decimate, DecimateParams,
+    Denoise, DenoiseParams, DoubleWindow, DoubleWindowParams, FilterError, FlickerKeep, HotPixelFilter,
+    Inceptive, InceptiveKeep, InceptiveParams, LeakyHotPixel, LeakyHotPixelParams, MaskFilter, MaskKeep,
+    Neighbours, PixelMask, PolarityFilter, PolarityMatch, PolarityParams, RateLimit, RateLimitParams,
+    Refractory, RefractoryParams, Refresh, RegionOfInterest, RegionParams, Stcf, StcfParams, Trail,
+    TrailMode, TrailParams,
 };
 use lobula_core::time_map::TimeMapError;
 use lobula_core::{Event, Filter, Geometry, Polarity};
 
 /// `lobula_filter`.
-pub type Memory = Opaque<24>;
+pub type Memory = Opaque<40>;
 
 impl From<FilterError> for Status {
     fn from(error: FilterError) -> Self {
@@ -84,6 +87,69 @@ pub struct Windows {
     window: u16,
     distance_px: u16,
     support: u16,
+}
+
+/// `lobula_stcf_params`.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct Correlation {
+    dt_us: u32,
+    support: u8,
+    same_polarity: bool,
+    shift: u8,
+}
+
+/// `lobula_mask_params`.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct MaskSide {
+    outside: bool,
+}
+
+/// `lobula_leaky_hot_pixel_params`.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct Leak {
+    period_us: u32,
+    limit: u8,
+    leak: u8,
+}
+
+/// `lobula_trail_params` and `lobula_inceptive_params`: which of three, by its number in the header.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct Burst {
+    dt_us: u32,
+    keep: u8,
+    shift: u8,
+}
+
+/// `lobula_anti_flicker_params`.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct Flicker {
+    frequency_hz: u32,
+    band_hz: u32,
+    tile_shift: u8,
+    burst: u8,
+    cycles: u8,
+    keep_flickering: bool,
+}
+
+/// `lobula_decimate_params`.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct OneOf {
+    n: u32,
+}
+
+/// `lobula_rate_limit_params`.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct Rate {
+    events: u32,
+    period_us: u32,
+    tile_shift: u8,
 }
 
 /// Lines of `name: type over its memory, word of the memory, parameters in C, words needed, how to make it`.
@@ -176,7 +242,7 @@ fn background(params: Background) -> BackgroundActivityParams {
 
 fn denoise(params: DenoiseAll) -> DenoiseParams {
     let DenoiseAll { refractory_us, support_us, trail_us, support, same_polarity, shift } = params;
-    let polarity_match = if same_polarity { PolarityMatch::Same } else { PolarityMatch::Any };
+    let polarity_match = alike(same_polarity);
     DenoiseParams { refractory_us, support_us, support, polarity_match, trail_us, shift }
 }
 
@@ -184,7 +250,83 @@ fn double_window(Windows { window, distance_px, support }: Windows) -> DoubleWin
     DoubleWindowParams { window, distance_px, support }
 }
 
+fn alike(same_polarity: bool) -> PolarityMatch {
+    if same_polarity { PolarityMatch::Same } else { PolarityMatch::Any }
+}
+
+fn stcf(Correlation { dt_us, support, same_polarity, shift }: Correlation) -> StcfParams {
+    StcfParams { dt_us, support, polarity_match: alike(same_polarity), shift }
+}
+
+fn trail(Burst { dt_us, keep, shift }: Burst) -> Option<TrailParams> {
+    let mode = *[TrailMode::Trail, TrailMode::StcCutTrail, TrailMode::StcKeepTrail].get(usize::from(keep))?;
+    Some(TrailParams { dt_us, mode, shift })
+}
+
+fn inceptive(Burst { dt_us, keep, shift }: Burst) -> Option<InceptiveParams> {
+    let kinds = [InceptiveKeep::Inceptive, InceptiveKeep::Confirming, InceptiveKeep::Trailing];
+    Some(InceptiveParams { dt_us, keep: *kinds.get(usize::from(keep))?, shift })
+}
+
+/// A number in the parameters that names nothing.
+fn unknown(value: u8) -> FilterError {
+    FilterError::OutOfRange { name: "keep", value: value.into(), min: 0, max: 2 }
+}
+
+fn anti_flicker(params: Flicker) -> AntiFlickerParams {
+    let Flicker { frequency_hz, band_hz, tile_shift, burst, cycles, keep_flickering } = params;
+    let keep = if keep_flickering { FlickerKeep::Flickering } else { FlickerKeep::Steady };
+    AntiFlickerParams { frequency_hz, band_hz, tile_shift, burst, cycles, keep }
+}
+
 filters! {
+    stcf_u32: Stcf<u32, Words>, u32, Correlation,
+        |geometry, _| Stcf::<u32, ()>::required_len(geometry),
+        |geometry, params, memory| Stcf::try_new(geometry, stcf(params), memory);
+    stcf_u16: Stcf<u16, Words>, u16, Correlation,
+        |geometry, _| Stcf::<u16, ()>::required_len(geometry),
+        |geometry, params, memory| Stcf::try_new(geometry, stcf(params), memory);
+    mask: MaskFilter<Words>, u32, MaskSide,
+        |geometry, _| PixelMask::<()>::required_len(geometry),
+        |geometry, params, memory| {
+            let keep = if params.outside { MaskKeep::Outside } else { MaskKeep::Inside };
+            PixelMask::try_from_words(geometry, memory).map(|mask| MaskFilter::new(mask, keep))
+        };
+    leaky_hot_pixel: LeakyHotPixel<Words>, u8, Leak,
+        |geometry, _| LeakyHotPixel::<()>::required_len(geometry),
+        |geometry, Leak { period_us, limit, leak }, memory| {
+            LeakyHotPixel::try_new(geometry, LeakyHotPixelParams { limit, leak, period_us }, memory)
+        };
+    trail_u32: Trail<u32, Words>, u32, Burst,
+        |geometry, _| Trail::<u32, ()>::required_len(geometry),
+        |geometry, params, memory| {
+            Trail::try_new(geometry, trail(params).ok_or(unknown(params.keep))?, memory)
+        };
+    trail_u16: Trail<u16, Words>, u16, Burst,
+        |geometry, _| Trail::<u16, ()>::required_len(geometry),
+        |geometry, params, memory| {
+            Trail::try_new(geometry, trail(params).ok_or(unknown(params.keep))?, memory)
+        };
+    inceptive_u32: Inceptive<u32, Words>, u32, Burst,
+        |geometry, _| Inceptive::<u32, ()>::required_len(geometry),
+        |geometry, params, memory| {
+            Inceptive::try_new(geometry, inceptive(params).ok_or(unknown(params.keep))?, memory)
+        };
+    inceptive_u16: Inceptive<u16, Words>, u16, Burst,
+        |geometry, _| Inceptive::<u16, ()>::required_len(geometry),
+        |geometry, params, memory| {
+            Inceptive::try_new(geometry, inceptive(params).ok_or(unknown(params.keep))?, memory)
+        };
+    anti_flicker: AntiFlicker<Words>, u32, Flicker,
+        |geometry, params| AntiFlicker::<()>::required_len(geometry, params.tile_shift),
+        |geometry, params, memory| AntiFlicker::try_new(geometry, anti_flicker(params), memory);
+    decimate: Decimate, u8, OneOf, |_, _| 0,
+        |geometry, params, _| Decimate::try_new(geometry, DecimateParams { n: params.n });
+    rate_limit: RateLimit<Words>, u32, Rate,
+        |geometry, params| RateLimit::<()>::required_len(geometry, params.tile_shift),
+        |geometry, Rate { events, period_us, tile_shift }, memory| {
+            RateLimit::try_new(geometry, RateLimitParams { events, period_us, tile_shift }, memory)
+        };
     polarity: PolarityFilter, u8, PolarityOnly, |_, _| 0, |geometry, params, _| {
         let keep = if params.on { Polarity::On } else { Polarity::Off };
         Ok(PolarityFilter::new(geometry, PolarityParams { keep }))
