@@ -2,7 +2,7 @@
 //! (under qemu-user). The firmware is compared with the same in `firmware`.
 
 #[path = "../bits/src/bits.rs"]
-mod bits;
+mod stages;
 
 use crate::toolchain::{cargo, is_there, rustc_for, skip, succeeds};
 use std::collections::BTreeMap;
@@ -18,7 +18,7 @@ const HINT: &str = "apt-get install qemu-user-static gcc-aarch64-linux-gnu, and 
 /// Digests by name, as the program of `tests/bits` prints them.
 pub fn on_this_machine() -> BTreeMap<String, String> {
     let mut digests = BTreeMap::new();
-    bits::each(&mut bits::Memory::new(), |name, digest| {
+    stages::each(&mut stages::Memory::new(), |name, digest| {
         digests.insert(name.to_string(), format!("{digest:016x}"));
     });
     digests

@@ -45,18 +45,24 @@ impl Board {
 }
 
 const KIB: u64 = 1024;
+
+/// Instructions, in hundredths.
+const fn per_event(instructions: u64) -> u64 {
+    100 * instructions
+}
+
 const QEMU_ARM: &str = "qemu-system-arm";
 const QEMU_RISCV: &str = "qemu-system-riscv32";
 
 /// Cortex-M4 and M7 run the same program.
 const LIMITS_ARMV7: &[(&str, u64)] = &[
     ("state_bytes", 350 * KIB),
-    ("decode_evt3", 40_00),
-    ("decode_evt3_whole", 40_00),
-    ("decode_evt2", 22_00),
-    ("denoise", 120_00),
-    ("count", 16_00),
-    ("time_surface", 36_00),
+    ("decode_evt3", per_event(40)),
+    ("decode_evt3_whole", per_event(40)),
+    ("decode_evt2", per_event(22)),
+    ("denoise", per_event(120)),
+    ("count", per_event(16)),
+    ("time_surface", per_event(36)),
 ];
 
 const BOARDS: [Board; 4] = [
@@ -81,12 +87,12 @@ const BOARDS: [Board; 4] = [
         jobs: &["evt3", "evt2"],
         limits: &[
             ("state_bytes", 350 * KIB),
-            ("decode_evt3", 47_00),
-            ("decode_evt3_whole", 47_00),
-            ("decode_evt2", 35_00),
-            ("denoise", 135_00),
-            ("count", 16_00),
-            ("time_surface", 36_00),
+            ("decode_evt3", per_event(47)),
+            ("decode_evt3_whole", per_event(47)),
+            ("decode_evt2", per_event(35)),
+            ("denoise", per_event(135)),
+            ("count", per_event(16)),
+            ("time_surface", per_event(36)),
         ],
     },
     Board {
@@ -97,8 +103,8 @@ const BOARDS: [Board; 4] = [
         limits: &[
             ("ram_bytes", 12 * KIB),
             ("state_bytes", 12 * KIB),
-            ("decode_evt2", 46_00),
-            ("double_window", 3000_00),
+            ("decode_evt2", per_event(46)),
+            ("double_window", per_event(3000)),
         ],
     },
 ];

@@ -5,7 +5,7 @@
 //!          magic  sequence  t_base (µs)     len in bytes  encoding  overruns  crc32    words
 //! ```
 //!
-//! Integers little-endian. The sequence is that of [`serial`](super::serial) frames; `t_base` is stream time before the
+//! Integers little-endian. The sequence is that of `serial` frames; `t_base` is stream time before the
 //! first word, modulo 2^32; `overruns` is how many packets the sender had to drop just before this frame (255: or
 //! more); the CRC-32 is that of the other header bytes and the words. Frames follow each other without padding: a
 //! transfer may hold several, or a part of one.
@@ -20,7 +20,7 @@ pub const WORDS_BYTES_MAX: usize = u16::MAX as usize;
 
 const MAGIC: [u8; 2] = [0x4C, 0xB5];
 
-/// The number of a format in a header, and in [`Message::Hello`](super::Message::Hello).
+/// The number of a format in a header, and in `Message::Hello`.
 pub const fn number(encoding: Encoding) -> u8 {
     match encoding {
         Encoding::Evt2 => 2,

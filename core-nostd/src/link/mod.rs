@@ -2,7 +2,7 @@
 //!
 //! | carrier | frame | holds | file |
 //! |---|---|---|---|
-//! | UART, RS-485 | COBS(sequence, message, CRC-32), 0 | a [`Message`]: control, tensors, a few events (feature `link`) | [`serial`] |
+//! | UART, RS-485 | COBS(sequence, message, CRC-32), 0 | a `Message`: control, tensors, a few events (feature `link`) | `serial` |
 //! | USB bulk, UDP | 16-byte header, words | raw EVT words, as the sensor gave them | [`bulk`] |
 //!
 //! Both decoders take bytes split anywhere, find the next whole frame after garbage or a loss, and give nothing that

@@ -42,7 +42,7 @@ fn stream(window: usize, events: &mut [Event; EVENTS]) -> Window {
     for (i, event) in events.iter_mut().enumerate() {
         random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         let [a, b, c, d] = random.to_le_bytes();
-        let burst = i as u16 / 32 % 2 == 0;
+        let burst = (i / 32).is_multiple_of(2);
         let x = if burst { i as u16 / 7 % 9 + u16::from(d) % 3 } else { u16::from(d) % GEOMETRY.width };
         let y = if burst { u16::from(c) % 4 } else { u16::from(c) % GEOMETRY.height };
         let jitter = u32::from(b) % 24;
