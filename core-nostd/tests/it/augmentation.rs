@@ -14,34 +14,30 @@ fn p(p: f64) -> ChanceParams {
     ChanceParams { p }
 }
 
-chunk_invariance!(transform event_drop, |geometry| EventDrop::try_new(geometry, p(0.3), SEED).unwrap());
-chunk_invariance!(transform pixel_dropout, |geometry| PixelDropout::try_new(geometry, p(0.3), SEED).unwrap());
-chunk_invariance!(transform drop_by_time, |geometry| {
-    let params = DropByTimeParams { t0_us: 0, t1_us: 1 << 40, ratio: 0.5 };
-    DropByTime::try_new(geometry, params, SEED).unwrap()
-});
-chunk_invariance!(transform drop_by_area, |geometry| {
-    DropByArea::try_new(geometry, DropByAreaParams { ratio: 0.6 }, SEED).unwrap()
-});
-chunk_invariance!(transform spatial_jitter, |geometry| {
-    SpatialJitter::try_new(geometry, SpatialJitterParams { sigma_px: 2.0 }, SEED).unwrap()
-});
-chunk_invariance!(transform time_jitter, |geometry| {
-    TimeJitter::try_new(geometry, TimeJitterParams { sigma_us: 1000.0 }, SEED).unwrap()
-});
-chunk_invariance!(transform random_flip_x, |geometry| RandomFlipX::try_new(geometry, p(1.0), SEED).unwrap());
-chunk_invariance!(transform random_flip_y, |geometry| RandomFlipY::try_new(geometry, p(1.0), SEED).unwrap());
-chunk_invariance!(transform random_polarity_flip, |geometry| {
-    RandomPolarityFlip::try_new(geometry, p(1.0), SEED).unwrap()
-});
-chunk_invariance!(transform random_rotation, |geometry| {
-    RandomRotation::try_new(geometry, RandomRotationParams { degrees_max: 30.0 }, SEED).unwrap()
-});
-chunk_invariance!(transform random_translation, |geometry| {
-    RandomTranslation::try_new(geometry, RandomTranslationParams { dx_max: 9, dy_max: 2 }, SEED).unwrap()
-});
-chunk_invariance!(transform random_crop, |geometry| {
-    RandomCrop::try_new(geometry, RandomCropParams { width: 100, height: 40 }, SEED).unwrap()
+/// Each, as one type, so that the tests of all are compiled once.
+fn all(geometry: Geometry) -> Vec<Box<dyn Transform>> {
+    let stretch = DropByTimeParams { t0_us: 0, t1_us: 1 << 40, ratio: 0.5 };
+    let rotation = RandomRotationParams { degrees_max: 30.0 };
+    let translation = RandomTranslationParams { dx_max: 9, dy_max: 2 };
+    vec![
+        Box::new(EventDrop::try_new(geometry, p(0.3), SEED).unwrap()),
+        Box::new(PixelDropout::try_new(geometry, p(0.3), SEED).unwrap()),
+        Box::new(DropByTime::try_new(geometry, stretch, SEED).unwrap()),
+        Box::new(DropByArea::try_new(geometry, DropByAreaParams { ratio: 0.6 }, SEED).unwrap()),
+        Box::new(SpatialJitter::try_new(geometry, SpatialJitterParams { sigma_px: 2.0 }, SEED).unwrap()),
+        Box::new(TimeJitter::try_new(geometry, TimeJitterParams { sigma_us: 1000.0 }, SEED).unwrap()),
+        Box::new(RandomFlipX::try_new(geometry, p(1.0), SEED).unwrap()),
+        Box::new(RandomFlipY::try_new(geometry, p(1.0), SEED).unwrap()),
+        Box::new(RandomPolarityFlip::try_new(geometry, p(1.0), SEED).unwrap()),
+        Box::new(RandomRotation::try_new(geometry, rotation, SEED).unwrap()),
+        Box::new(RandomTranslation::try_new(geometry, translation, SEED).unwrap()),
+        Box::new(RandomCrop::try_new(geometry, RandomCropParams { width: 100, height: 40 }, SEED).unwrap()),
+    ]
+}
+
+chunk_invariance!(events every_augmentation, |events, splits: &mut Splits| {
+    let run = |stage| crate::chunk_invariance::transform(crate::transform::Boxed(stage), events, &mut splits.clone());
+    super::all(GEOMETRY).into_iter().map(run).collect::<Vec<_>>()
 });
 
 fn noise(rate_hz: f64, seed: Seed) -> NoiseInjection {

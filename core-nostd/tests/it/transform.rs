@@ -36,48 +36,91 @@ impl Free {
 const W: f64 = GEOMETRY.width as f64;
 const H: f64 = GEOMETRY.height as f64;
 
-/// Each transform under the law and against its formula, given the first event's time and an event.
-macro_rules! formulas {
+/// A transform, and what it must do.
+struct Case {
+    name: &'static str,
+    make: Box<dyn Fn() -> Box<dyn Transform>>,
+    /// The sensor after it.
+    to: Geometry,
+    /// What becomes of an event, given the time of the first.
+    formula: fn(i128, &mut Free),
+}
+
+impl Case {
+    fn made(&self) -> Boxed {
+        Boxed((self.make)())
+    }
+}
+
+/// One type for all transforms, so that the tests of all are compiled once.
+pub struct Boxed(pub Box<dyn Transform>);
+
+impl Transform for Boxed {
+    fn output_geometry(&self) -> Geometry {
+        self.0.output_geometry()
+    }
+
+    fn reach_max(&self, after: u64) -> u64 {
+        self.0.reach_max(after)
+    }
+
+    fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
+        self.0.apply(block)
+    }
+}
+
+macro_rules! cases {
     ($($name:ident: $make:expr, $to:expr, |$first:ident, $e:ident| $formula:expr;)*) => {
-        $(mod $name {
-            use super::*;
-
-            chunk_invariance!(transform law, |geometry: Geometry| $make(geometry));
-
-            proptest! {
-                #![proptest_config(ProptestConfig { failure_persistence: None, ..Default::default() })]
-
-                #[test]
-                fn is_as_its_formula_says(events in streams::stream(GEOMETRY, LEN_MAX), seed: u64) {
-                    let stage = $make(GEOMETRY);
-                    let to: Geometry = $to;
-                    prop_assert_eq!(stage.output_geometry(), to);
-                    let found = chunk_invariance::transform(stage, &events, &mut Splits::random(seed));
-                    let $first = events.first().map_or(0, |timed| i128::from(timed.t));
-                    let formula = |timed: &Timed| {
-                        #[allow(unused_mut)]
-                        let mut $e = Free::of(timed);
-                        let _ = $first;
-                        $formula;
-                        $e.timed(to)
-                    };
-                    let expected: Vec<Timed> = events.iter().filter_map(formula).collect();
-                    prop_assert_eq!(found, expected);
+        fn cases() -> Vec<Case> {
+            vec![$({
+                let make = $make;
+                #[allow(unused_variables)]
+                fn formula($first: i128, $e: &mut Free) {
+                    $formula;
                 }
-            }
-
-            #[test]
-            fn refuses_another_sensor_and_leaves_its_events() {
-                let found = Geometry::new(45, 123);
-                let mut events = [Event::new(5, 1, 2, Polarity::On)];
-                let mut block = Block::new(5, 5, found, &mut events);
-                let refusal = Unfit::Geometry(WrongGeometry { expected: GEOMETRY, found });
-                assert_eq!($make(GEOMETRY).apply(&mut block), Err(refusal));
-                assert_eq!((block.geometry, block.t_first), (found, 5));
-                assert_eq!(events, [Event::new(5, 1, 2, Polarity::On)]);
-            }
-        })*
+                Case { name: stringify!($name), make: Box::new(move || Box::new(make(GEOMETRY))), to: $to, formula }
+            },)*]
+        }
     };
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..Default::default() })]
+
+    #[test]
+    fn each_does_as_its_formula_says(events in streams::stream(GEOMETRY, LEN_MAX), seed: u64) {
+        for case in cases() {
+            let stage = case.made();
+            prop_assert_eq!(stage.output_geometry(), case.to, "{}", case.name);
+            let found = chunk_invariance::transform(stage, &events, &mut Splits::random(seed));
+            let first = events.first().map_or(0, |timed| i128::from(timed.t));
+            let formula = |timed: &Timed| {
+                let mut free = Free::of(timed);
+                (case.formula)(first, &mut free);
+                free.timed(case.to)
+            };
+            let expected: Vec<Timed> = events.iter().filter_map(formula).collect();
+            prop_assert_eq!(found, expected, "{}", case.name);
+        }
+    }
+}
+
+chunk_invariance!(events every_transform, |events, splits: &mut Splits| {
+    let run = |case: super::Case| crate::chunk_invariance::transform(case.made(), events, &mut splits.clone());
+    super::cases().into_iter().map(run).collect::<Vec<_>>()
+});
+
+#[test]
+fn each_refuses_another_sensor_and_leaves_its_events() {
+    for case in cases() {
+        let found = Geometry::new(45, 123);
+        let mut events = [Event::new(5, 1, 2, Polarity::On)];
+        let mut block = Block::new(5, 5, found, &mut events);
+        let refusal = Unfit::Geometry(WrongGeometry { expected: GEOMETRY, found });
+        assert_eq!(case.made().apply(&mut block), Err(refusal), "{}", case.name);
+        assert_eq!((block.geometry, block.t_first), (found, 5));
+        assert_eq!(events, [Event::new(5, 1, 2, Polarity::On)]);
+    }
 }
 
 const MATRIX: [[f64; 3]; 3] = [[0.9, -0.25, 3.5], [0.125, 1.1, -2.0], [0.002, -0.001, 1.0]];
@@ -161,51 +204,51 @@ fn turned() -> Geometry {
     Geometry::new(GEOMETRY.height, GEOMETRY.width)
 }
 
-formulas! {
-    crop_inside: crop(3, 1, 20, 2), Geometry::new(20, 2), |_first, e| { e.x -= 3.0; e.y -= 1.0 };
-    crop_beyond: crop(-5, -2, 300, 50), Geometry::new(300, 50), |_first, e| { e.x += 5.0; e.y += 2.0 };
-    flip_x: FlipX::new, GEOMETRY, |_first, e| e.x = W - 1.0 - e.x;
-    flip_y: FlipY::new, GEOMETRY, |_first, e| e.y = H - 1.0 - e.y;
-    rotate_0: rotate90(-4), GEOMETRY, |_first, e| {};
-    rotate_1: rotate90(1), turned(), |_first, e| (e.x, e.y) = (H - 1.0 - e.y, e.x);
-    rotate_2: rotate90(6), GEOMETRY, |_first, e| (e.x, e.y) = (W - 1.0 - e.x, H - 1.0 - e.y);
-    rotate_3: rotate90(-1), turned(), |_first, e| (e.x, e.y) = (e.y, W - 1.0 - e.x);
-    transpose: |geometry| Transpose::try_new(geometry).unwrap(), turned(), |_first, e| (e.x, e.y) = (e.y, e.x);
+cases! {
+    crop_inside: crop(3, 1, 20, 2), Geometry::new(20, 2), |first, e| { e.x -= 3.0; e.y -= 1.0 };
+    crop_beyond: crop(-5, -2, 300, 50), Geometry::new(300, 50), |first, e| { e.x += 5.0; e.y += 2.0 };
+    flip_x: FlipX::new, GEOMETRY, |first, e| e.x = W - 1.0 - e.x;
+    flip_y: FlipY::new, GEOMETRY, |first, e| e.y = H - 1.0 - e.y;
+    rotate_0: rotate90(-4), GEOMETRY, |first, e| {};
+    rotate_1: rotate90(1), turned(), |first, e| (e.x, e.y) = (H - 1.0 - e.y, e.x);
+    rotate_2: rotate90(6), GEOMETRY, |first, e| (e.x, e.y) = (W - 1.0 - e.x, H - 1.0 - e.y);
+    rotate_3: rotate90(-1), turned(), |first, e| (e.x, e.y) = (e.y, W - 1.0 - e.x);
+    transpose: |geometry| Transpose::try_new(geometry).unwrap(), turned(), |first, e| (e.x, e.y) = (e.y, e.x);
     translate: |geometry| Translate::new(geometry, TranslateParams { dx: -7, dy: 2 }), GEOMETRY,
-        |_first, e| { e.x -= 7.0; e.y += 2.0 };
+        |first, e| { e.x -= 7.0; e.y += 2.0 };
     translate_far: |geometry| Translate::new(geometry, TranslateParams { dx: i32::MIN, dy: i32::MAX }), GEOMETRY,
-        |_first, e| { e.x += f64::from(i32::MIN); e.y += f64::from(i32::MAX) };
+        |first, e| { e.x += f64::from(i32::MIN); e.y += f64::from(i32::MAX) };
     resize_down: resize(50, 9), Geometry::new(50, 9),
-        |_first, e| { e.x = (e.x * 50.0 / W).floor(); e.y = (e.y * 9.0 / H).floor() };
+        |first, e| { e.x = (e.x * 50.0 / W).floor(); e.y = (e.y * 9.0 / H).floor() };
     resize_up: resize(1000, 32_768), Geometry::new(1000, 32_768),
-        |_first, e| { e.x = (e.x * 1000.0 / W).floor(); e.y = (e.y * 32_768.0 / H).floor() };
+        |first, e| { e.x = (e.x * 1000.0 / W).floor(); e.y = (e.y * 32_768.0 / H).floor() };
     scale: |geometry| Scale::try_new(geometry, ScaleParams { sx: 0.5, sy: 0.1 }).unwrap(), Geometry::new(62, 5),
-        |_first, e| { e.x = (e.x * 62.0 / W).floor(); e.y = (e.y * 5.0 / H).floor() };
-    warp_affine: affine, GEOMETRY, |_first, e| (e.x, e.y) = (row(MATRIX[0], e), row(MATRIX[1], e));
-    warp_perspective: perspective(MATRIX), GEOMETRY, |_first, e| {
-        let w = row(MATRIX[2], e);
-        (e.x, e.y) = (row(MATRIX[0], e) / w, row(MATRIX[1], e) / w)
+        |first, e| { e.x = (e.x * 62.0 / W).floor(); e.y = (e.y * 5.0 / H).floor() };
+    warp_affine: affine, GEOMETRY, |first, e| (e.x, e.y) = (row(MATRIX[0], *e), row(MATRIX[1], *e));
+    warp_perspective: perspective(MATRIX), GEOMETRY, |first, e| {
+        let w = row(MATRIX[2], *e);
+        (e.x, e.y) = (row(MATRIX[0], *e) / w, row(MATRIX[1], *e) / w)
     };
-    warp_with_a_horizon: perspective([MATRIX[0], MATRIX[1], [0.5, 0.0, -4.0]]), GEOMETRY, |_first, e| {
+    warp_with_a_horizon: perspective([MATRIX[0], MATRIX[1], [0.5, 0.0, -4.0]]), GEOMETRY, |first, e| {
         let w = 0.5 * e.x - 4.0;
-        (e.x, e.y) = if w == 0.0 { (-9.0, -9.0) } else { (row(MATRIX[0], e) / w, row(MATRIX[1], e) / w) }
+        (e.x, e.y) = if w == 0.0 { (-9.0, -9.0) } else { (row(MATRIX[0], *e) / w, row(MATRIX[1], *e) / w) }
     };
-    undistort_plain: undistort(CameraModel::BrownConrady(LENS)), GEOMETRY, |_first, e| {
+    undistort_plain: undistort(CameraModel::BrownConrady(LENS)), GEOMETRY, |first, e| {
         (e.x, e.y) = LENS.undistorted(e.x, e.y)
     };
-    undistort_fisheye: undistort(CameraModel::Fisheye(FISHEYE)), GEOMETRY, |_first, e| {
+    undistort_fisheye: undistort(CameraModel::Fisheye(FISHEYE)), GEOMETRY, |first, e| {
         (e.x, e.y) = FISHEYE.undistorted(e.x, e.y)
     };
-    invert_polarity: InvertPolarity::new, GEOMETRY, |_first, e| e.on = !e.on;
-    time_shift_later: time_shift(12_345_678_901), GEOMETRY, |_first, e| e.t += 12_345_678_901;
-    time_shift_earlier: time_shift(-5_000), GEOMETRY, |_first, e| e.t -= 5_000;
-    time_shift_hours_earlier: time_shift(-(1 << 35)), GEOMETRY, |_first, e| e.t -= 1 << 35;
-    time_scale_slow: time_scale(2.5), GEOMETRY, |_first, e| e.t = (e.t as f64 * 2.5).round() as i128;
-    time_scale_slow_as_never: time_scale(1e4), GEOMETRY, |_first, e| e.t = (e.t as f64 * 1e4).round() as i128;
-    time_scale_quick: time_scale(0.3), GEOMETRY, |_first, e| e.t = (e.t as f64 * 0.3).round() as i128;
+    invert_polarity: InvertPolarity::new, GEOMETRY, |first, e| e.on = !e.on;
+    time_shift_later: time_shift(12_345_678_901), GEOMETRY, |first, e| e.t += 12_345_678_901;
+    time_shift_earlier: time_shift(-5_000), GEOMETRY, |first, e| e.t -= 5_000;
+    time_shift_hours_earlier: time_shift(-(1 << 35)), GEOMETRY, |first, e| e.t -= 1 << 35;
+    time_scale_slow: time_scale(2.5), GEOMETRY, |first, e| e.t = (e.t as f64 * 2.5).round() as i128;
+    time_scale_slow_as_never: time_scale(1e4), GEOMETRY, |first, e| e.t = (e.t as f64 * 1e4).round() as i128;
+    time_scale_quick: time_scale(0.3), GEOMETRY, |first, e| e.t = (e.t as f64 * 0.3).round() as i128;
     time_window: |geometry| {
         TimeWindow::try_new(geometry, TimeWindowParams { t0_us: 100, t1_us: 1 << 35 }).unwrap()
-    }, GEOMETRY, |_first, e| if !(100..1 << 35).contains(&e.t) { e.t = -1 };
+    }, GEOMETRY, |first, e| if !(100..1 << 35).contains(&e.t) { e.t = -1 };
     normalize_time: NormalizeTime::new, GEOMETRY, |first, e| e.t -= first;
 }
 
