@@ -2,6 +2,7 @@
 
 pub mod decode;
 pub mod fused;
+pub mod moved;
 pub mod tensor;
 pub mod thinned;
 
@@ -74,6 +75,23 @@ ops! {
     Refractory refractory: "Events without those that follow too soon at their pixel.";
     BackgroundActivity background_activity: "Events without those that no neighbour supports.";
     HotPixel hot_pixel: "Events without those of pixels that fire far too often.";
+    Crop crop: "Events of a rectangle, which becomes the sensor.";
+    FlipX flip_x: "Events mirrored left to right.";
+    Rotate90 rotate90: "Events turned by a quarter.";
+    Transpose transpose: "Events with x and y in exchange.";
+    Translate translate: "Events moved by whole pixels.";
+    Resize resize: "Events at another resolution.";
+    ResizeHalf resize_half: "Events at half the resolution.";
+    WarpAffine warp_affine: "Events moved by an affine map.";
+    WarpPerspective warp_perspective: "Events moved by a perspective map.";
+    Undistort undistort: "Events without the distortion of the lens.";
+    InvertPolarity invert_polarity: "Events with ON and OFF in exchange.";
+    TimeShift time_shift: "Events moved in time.";
+    TimeScale time_scale: "Events in slow motion.";
+    EventDrop event_drop: "Events without a random half.";
+    PixelDropout pixel_dropout: "Events without those of random pixels.";
+    SpatialJitter spatial_jitter: "Events moved by normal deviates.";
+    SortByTime sort_by_time: "Events in order of time.";
 }
 
 /// Whether both sides give the same events in the same order.

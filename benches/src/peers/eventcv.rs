@@ -13,8 +13,9 @@ use eventcv_core::representation::{
     PolarityAccumulator, RedBlue, Representation, RepresentationError, Tencode, TimeSurface, VoxelGrid,
 };
 use eventcv_core::viz::render_raw;
-use eventcv_core::{EventStream, EventStreamBuilder};
+use eventcv_core::{Camera, EventStream, EventStreamBuilder};
 use lobula_core::Event;
+use lobula_core::transform::BrownConrady;
 use lobula_core::wire::Encoding;
 
 use super::Library;
@@ -163,6 +164,25 @@ impl EventCv {
             Op::HotPixel => {
                 stream("hot_pixel_filter", |all| all.hot_pixel_filter(op::hot_pixel::SIGMAS.into()))
             }
+            Op::Crop => stream("crop", |all| all.crop(160, 120, 960, 480)),
+            Op::FlipX => stream("flip_x", |all| all.flip_x()),
+            Op::Rotate90 => stream("rotate90", |all| all.rotate90(1)),
+            Op::Transpose => stream("transpose", |all| all.transpose()),
+            Op::Translate => stream("translate", |all| all.translate(50, -20)),
+            Op::Resize => stream("resize", |all| all.resize(346, 260)),
+            Op::ResizeHalf => stream("resize", |all| all.resize(640, 360)),
+            Op::WarpAffine => stream("warp_affine", |all| all.warp_affine(op::warp_affine::MATRIX)),
+            Op::WarpPerspective => {
+                stream("warp_perspective", |all| all.warp_perspective(op::warp_perspective::MATRIX))
+            }
+            Op::Undistort => stream("undistort", |all| all.undistort(&camera())),
+            Op::InvertPolarity => stream("invert_polarity", |all| all.invert_polarity()),
+            Op::TimeShift => stream("time_shift", |all| all.time_shift(12_345)),
+            Op::TimeScale => stream("time_scale", |all| all.time_scale(2.5)),
+            Op::EventDrop => stream("event_drop", |all| all.event_drop(0.5, 0)),
+            Op::PixelDropout => stream("pixel_dropout", |all| all.pixel_dropout(0.1, 0)),
+            Op::SpatialJitter => stream("spatial_jitter", |all| all.spatial_jitter(1.0, 0)),
+            Op::SortByTime => stream("sort_by_time", |all| all.sort_by_time()),
             Op::Evt3Decode | Op::Evt2Decode | Op::Evt21Decode | Op::Voxel5Share => return None,
             Op::FilePolarity | Op::FileVoxel5 | Op::FileTimeSurface => return None, // see `fused`
         })
@@ -184,6 +204,12 @@ impl EventCv {
         let masked = move || black_box(self.stream.drop_masked_pixels(&mask)).len() as u64;
         peer("drop_masked_pixels", Box::new(masked))
     }
+}
+
+/// The camera of `undistort`.
+fn camera() -> Camera {
+    let BrownConrady { fx, fy, cx, cy, k1, k2, p1, p2, k3 } = op::undistort::LENS;
+    Camera { fx, fy, cx, cy, k1, k2, p1, p2, k3 }
 }
 
 /// A call of its, and what it makes.

@@ -1,0 +1,25 @@
+//! Events with ON and OFF in exchange.
+
+use lobula_core::transform::InvertPolarity;
+
+use super::Op;
+use super::moved::Moved;
+use crate::contest::Contest;
+use crate::input::Scene;
+use crate::peers::Library;
+
+/// The name in reports.
+pub const NAME: &str = "invert_polarity";
+
+/// The operation's contests.
+///
+/// # Errors
+/// A sentence, where the peer gives other events.
+pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<Vec<Contest<'a>>, String> {
+    let op = Moved {
+        op: Op::InvertPolarity,
+        same: true,
+        note: "same events; ours: in place, in cache (whole: into a fresh array); peer: fresh columns, no streaming form",
+    };
+    op.contests(scene, peer, || Ok::<_, String>(InvertPolarity::new(scene.geometry)))
+}
