@@ -6,6 +6,7 @@
 use std::hint::black_box;
 use std::path::PathBuf;
 
+use eventcv_core::camera::Camera;
 use eventcv_core::io::{EventConsumer, EvtVersion, LoadOptions, SliceSource};
 use eventcv_core::io::{decode_words, open_raw_slice, read_raw};
 use eventcv_core::representation::{
@@ -13,7 +14,7 @@ use eventcv_core::representation::{
     PolarityAccumulator, RedBlue, Representation, RepresentationError, Tencode, TimeSurface, VoxelGrid,
 };
 use eventcv_core::viz::render_raw;
-use eventcv_core::{Camera, EventStream, EventStreamBuilder};
+use eventcv_core::{EventStream, EventStreamBuilder};
 use lobula_core::Event;
 use lobula_core::transform::BrownConrady;
 use lobula_core::wire::Encoding;
