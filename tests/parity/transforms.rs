@@ -79,7 +79,7 @@ pub const OPS: &[Op] = &[
     },
     Op {
         name: "undistort",
-        theirs: "s.undistort(ecv.Camera(500.0, 510.0, 320.0, 240.0, -0.366475, 0.130235, 0.000262, 0.000191, 0.01))",
+        theirs: "s.undistort(ecv.Camera(500.0, 510.0, 320.0, 240.0, k1=-0.366475, k2=0.130235, p1=0.000262, p2=0.000191, k3=0.01))",
         ours: |slice| {
             chain(
                 slice,
@@ -110,7 +110,7 @@ pub const OPS: &[Op] = &[
     },
     Op {
         name: "time_window",
-        theirs: "s.time_window(int(s.numpy()['t'][1000]), int(s.numpy()['t'][50000]))",
+        theirs: "s.time_window(*(int(getattr(s, 'numpy')()[i][2]) for i in (1000, 50000)))",
         ours: |slice| {
             let at = |i: usize| slice.span().time(slice.events[i]);
             chain(
@@ -142,7 +142,7 @@ pub const OPS: &[Op] = &[
     },
     Op {
         name: "time_reversal",
-        theirs: "s.time_reversal(1.0, 0)",
+        theirs: "s.time_reversal(1.0, seed=0)",
         ours: |slice| {
             whole(slice, |block, scratch| {
                 SliceReverse::new(scratch).apply(block).unwrap();
@@ -151,34 +151,34 @@ pub const OPS: &[Op] = &[
     },
     Op {
         name: "random_flip_x, always",
-        theirs: "s.random_flip_x(1.0, 0)",
+        theirs: "s.random_flip_x(1.0, seed=0)",
         ours: |slice| through(slice, RandomFlipX::try_new(slice.geometry, ALWAYS, Seed::default()).unwrap()),
     },
     Op {
         name: "random_flip_y, always",
-        theirs: "s.random_flip_y(1.0, 0)",
+        theirs: "s.random_flip_y(1.0, seed=0)",
         ours: |slice| through(slice, RandomFlipY::try_new(slice.geometry, ALWAYS, Seed::default()).unwrap()),
     },
     Op {
         name: "random_polarity_flip, always",
-        theirs: "s.random_polarity_flip(1.0, 0)",
+        theirs: "s.random_polarity_flip(1.0, seed=0)",
         ours: |slice| {
             through(slice, RandomPolarityFlip::try_new(slice.geometry, ALWAYS, Seed::default()).unwrap())
         },
     },
     Op {
         name: "event_drop, never",
-        theirs: "s.event_drop(0.0, 0)",
+        theirs: "s.event_drop(0.0, seed=0)",
         ours: |slice| through(slice, EventDrop::try_new(slice.geometry, NEVER, Seed::default()).unwrap()),
     },
     Op {
         name: "pixel_dropout, always",
-        theirs: "s.pixel_dropout(1.0, 0)",
+        theirs: "s.pixel_dropout(1.0, seed=0)",
         ours: |slice| through(slice, PixelDropout::try_new(slice.geometry, ALWAYS, Seed::default()).unwrap()),
     },
     Op {
         name: "spatial_jitter of none",
-        theirs: "s.spatial_jitter(0.0, 0)",
+        theirs: "s.spatial_jitter(0.0, seed=0)",
         ours: |slice| {
             let params = SpatialJitterParams { sigma_px: 0.0 };
             through(slice, SpatialJitter::try_new(slice.geometry, params, Seed::default()).unwrap())
@@ -186,7 +186,7 @@ pub const OPS: &[Op] = &[
     },
     Op {
         name: "time_jitter of none",
-        theirs: "s.time_jitter(0.0, 0)",
+        theirs: "s.time_jitter(sigma_us=0.0, seed=0)",
         ours: |slice| {
             let params = TimeJitterParams { sigma_us: 0.0 };
             through(slice, TimeJitter::try_new(slice.geometry, params, Seed::default()).unwrap())
@@ -194,7 +194,7 @@ pub const OPS: &[Op] = &[
     },
     Op {
         name: "random_crop, larger",
-        theirs: "s.random_crop(5000, 5000, 0)",
+        theirs: "s.random_crop(5000, 5000, seed=0)",
         ours: |slice| {
             let params = RandomCropParams { width: 5000, height: 5000 };
             through(slice, RandomCrop::try_new(slice.geometry, params, Seed::default()).unwrap())
