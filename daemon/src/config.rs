@@ -5,6 +5,7 @@ use lobula_core::Geometry;
 use lobula_core::chain::{Chain, ChainCause, Spec, View, ViewSpec};
 use lobula_core::filter::FilterError;
 use lobula_core::simulation::SceneSpec;
+use lobula_formats::HotPixels;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -121,7 +122,9 @@ impl Config {
 fn depends_on_size(cause: &ChainCause) -> bool {
     matches!(
         cause,
-        ChainCause::PixelOffSensor { .. } | ChainCause::Filter(FilterError::RegionOffSensor { .. })
+        ChainCause::PixelOffSensor { .. }
+            | ChainCause::OtherSensor { .. }
+            | ChainCause::Filter(FilterError::RegionOffSensor { .. })
     )
 }
 
@@ -129,29 +132,42 @@ fn is_name(c: char) -> bool {
     c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || c == '-'
 }
 
-/// Reads a configuration.
-///
-/// # Errors
-/// One sentence: what is wrong, where, and what to do.
-pub fn parse(text: &str) -> Result<Config, String> {
+/// What the text says, unchecked.
+fn read(text: &str) -> Result<Config, String> {
     let config: Config = toml::from_str(text).map_err(|error| {
         let line =
             error.span().map(|span| 1 + text.get(..span.start).unwrap_or_default().matches('\n').count());
         let place = line.map(|line| format!("line {line}: ")).unwrap_or_default();
         format!("{place}{}", suggest(error.message()))
     })?;
+    Ok(config)
+}
+
+/// Reads a configuration. Files that it names are looked for from here.
+///
+/// # Errors
+/// One sentence: what is wrong, where, and what to do.
+pub fn parse(text: &str) -> Result<Config, String> {
+    complete(read(text)?, Path::new(""))
+}
+
+/// Loads the files of hot pixels that the filters name, from `folder` on, and checks it all.
+fn complete(mut config: Config, folder: &Path) -> Result<Config, String> {
+    HotPixels::load_lists(&mut config.filters, folder).map_err(|error| error.to_string())?;
     config.check()?;
     Ok(config)
 }
 
-/// Reads the configuration at `path`.
+/// Reads the configuration at `path`. Files that it names are looked for from its folder.
 ///
 /// # Errors
 /// One sentence with the path.
 pub fn load(path: &Path) -> Result<Config, String> {
     let text = std::fs::read_to_string(path)
         .map_err(|error| format!("{}: {error}: give a readable TOML file", path.display()))?;
-    parse(&text).map_err(|error| format!("{}: {error}", path.display()))
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let config = read(&text).and_then(|config| complete(config, folder));
+    config.map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// The parser's message on one line, and of the names it expects the one that was probably meant.
@@ -191,6 +207,28 @@ mod tests {
     fn the_packaged_example_is_valid() {
         let config = parse(include_str!("../packaging/lobulad.toml")).unwrap();
         assert!(!config.filters.filters.is_empty() && config.views.len() == 2);
+    }
+
+    #[test]
+    fn hot_pixels_are_read_from_a_file_beside_the_configuration() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            path
+        };
+        let text = "[[filter]]\nkind = \"denoise\"\nhot_pixels = [[1, 2]]\nhot_pixels_file = \"front.txt\"\n";
+        let config = write("lobulad.toml", text);
+        let missing = load(&config).unwrap_err();
+        assert!(missing.contains("front.txt: no such file"), "{missing}");
+        write("front.txt", "# sensor 1280x720\n1279,719\n");
+        let mut loaded = load(&config).unwrap();
+        let list = loaded.filters.filters[0].hot_pixels_mut().unwrap();
+        assert_eq!((&*list.pixels, &*list.file), (&vec![(1, 2), (1279, 719)], &None));
+        assert_eq!(*list.sensor, Some((1280, 720)));
+        write("front.txt", "# sensor 1280x720\n1280,719\n");
+        let off = load(&config).unwrap_err();
+        assert!(off.contains("line 2") && off.contains("1280,719"), "{off}");
     }
 
     #[test]

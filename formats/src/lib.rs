@@ -8,7 +8,7 @@
 //!                                            ├─▶ payload: the camera's bytes as they came
 //!                                            ├─▶ imu, frames: the other streams
 //!                                            ├─▶ load: all in memory, on all cores
-//!                                            └─▶ Summary, Check, Digest
+//!                                            └─▶ Summary, Check, Digest, HotPixels
 //!  Span, Chunk, ImuSample, Frame ─▶ Writer (FORMATS: by extension) ─▶ path
 //! ```
 //!
@@ -39,6 +39,7 @@ mod error;
 mod es;
 #[cfg(feature = "hdf5")]
 mod hdf5;
+mod hot_pixels;
 mod index;
 mod info;
 mod input;
@@ -75,6 +76,7 @@ pub use check::Check;
 pub use copy::{Copied, CopyOptions, CopyPart, copy};
 pub use digest::Digest;
 pub use error::{Error, ErrorKind};
+pub use hot_pixels::{HotPixels, LearnedHotPixels};
 pub use index::{Index, Times};
 pub use info::{Summary, WithDigest};
 pub use large::LargeArray;

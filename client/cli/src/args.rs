@@ -30,6 +30,8 @@ pub enum Command {
     Slice(SliceArgs),
     /// Writes tensors of a recording's windows, as a NumPy array or as pictures
     Render(RenderArgs),
+    /// Learns the hot pixels of a recording's camera, for filters
+    HotPixels(HotPixelsArgs),
     /// Tells whether a recording is whole and in order, and what of it can be read
     Check(CheckArgs),
     /// Proves the main job on screen, with a synthetic camera and processes of its own
@@ -61,6 +63,30 @@ pub struct InfoArgs {
     /// Also the SHA-256 over all events: each as little-endian u64 t (µs), u16 x, u16 y, u8 p
     #[arg(long)]
     pub digest: bool,
+    /// What the file does not tell
+    #[command(flatten)]
+    pub input: InputArgs,
+}
+
+/// Options of `hot-pixels`.
+#[derive(Debug, clap::Args)]
+pub struct HotPixelsArgs {
+    /// The recording; best a long one of a quiet scene
+    pub file: PathBuf,
+    /// The list to write, or a folder for one named by the camera's serial number; by default none is written
+    pub output: Option<PathBuf>,
+    /// How many standard deviations above the mean count of the pixels that fired a hot pixel's is, at least
+    #[arg(long, value_name = "N", default_value_t = 3.0)]
+    pub sigmas: f32,
+    /// The camera's serial number, in place of what the file tells
+    #[arg(long, value_name = "SERIAL")]
+    pub serial: Option<String>,
+    /// Replace the list that is there
+    #[arg(long)]
+    pub overwrite: bool,
+    /// One line of JSON
+    #[arg(long)]
+    pub json: bool,
     /// What the file does not tell
     #[command(flatten)]
     pub input: InputArgs,
@@ -98,6 +124,9 @@ pub struct ConvertArgs {
     /// Only events of this part of the sensor, which keeps its size
     #[arg(long, value_name = "X,Y,WxH", value_parser = convert::region)]
     pub roi: Option<Region>,
+    /// Only events of pixels that are not in this list, which `lobula hot-pixels` wrote
+    #[arg(long, value_name = "FILE")]
+    pub hot_pixels: Option<PathBuf>,
     /// Filters and transforms, first to last, after --polarity and --roi: JSON, or a file of it, such as
     /// [{"kind": "denoise"}, {"kind": "crop", "x": 160, "y": 120, "width": 320, "height": 240}]
     #[arg(long, value_name = "JSON|FILE", value_parser = convert::chain)]

@@ -6,9 +6,9 @@ use crate::output::{json, line, thousands};
 use crate::progress::Progress;
 use lobula_core::chain::{Chain, Spec};
 use lobula_core::filter::{PolarityFilter, PolarityParams, RegionOfInterest, RegionParams};
-use lobula_core::{Block, Event, Filter, Geometry, Polarity, Transform, WrongGeometry};
+use lobula_core::{Block, Event, Filter, Polarity, Transform, WrongGeometry};
 use lobula_formats::{
-    Copied, CopyOptions, CopyPart, Error, Rebase, Recording, WriteOptions, Writer, Written, copy,
+    Copied, CopyOptions, CopyPart, Error, HotPixels, Rebase, Recording, WriteOptions, Writer, Written, copy,
 };
 use serde::Serialize;
 use std::ops::Range;
@@ -187,16 +187,19 @@ fn write(recording: &Recording, output: &Path, part: CopyPart, args: &ConvertArg
     options.layout = args.layout.clone();
     options.overwrite = args.overwrite;
     options.rebase = args.rebase.unwrap_or_default();
-    let mut chain = match &args.chain {
+    let mut chain = match args.chain.clone() {
         None => None,
-        Some(spec) => Some(
-            Chain::try_new(spec, recording.sensor_size()?)
-                .map_err(|error| Failure::new(Failure::INPUT, format!("--chain: {error}")))?,
-        ),
+        Some(mut spec) => {
+            HotPixels::load_lists(&mut spec, Path::new(""))?;
+            Some(
+                Chain::try_new(&spec, recording.sensor_size()?)
+                    .map_err(|error| Failure::new(Failure::INPUT, format!("--chain: {error}")))?,
+            )
+        }
     };
     let geometry = chain.as_ref().map(Chain::output_geometry).or(geometry);
     let mut writer = Writer::create(output, geometry, &options)?;
-    let mut filter = Thin::new(recording.block_geometry(), args.polarity, args.roi)?;
+    let mut filter = Thin::new(recording, args)?;
     let mut progress = Progress::start(recording.bytes());
     let mut told = |position| progress.at(position);
     let mut copying = CopyOptions::default();
@@ -304,47 +307,38 @@ fn list(kinds: &[(u64, &str)]) -> String {
     texts.join(", ")
 }
 
-/// What thins the events of a conversion: either, both or none.
-#[derive(Debug)]
-pub struct Thin {
-    polarity: Option<PolarityFilter>,
-    region: Option<RegionOfInterest>,
-}
+/// What thins the events of a conversion: filters in a row.
+struct Thin(Vec<Box<dyn Filter>>);
 
 impl Thin {
     /// Of the options given; `None` where none is.
-    pub fn new(
-        geometry: Geometry,
-        polarity: Option<Polarity>,
-        region: Option<Region>,
-    ) -> Result<Option<Self>, Failure> {
-        let polarity = polarity.map(|keep| PolarityFilter::new(geometry, PolarityParams { keep }));
-        let region = match region {
-            Some(Region { x, y, width, height }) => {
-                let params = RegionParams { x, y, width, height };
-                Some(
-                    RegionOfInterest::try_new(geometry, params)
-                        .map_err(|error| Failure::new(Failure::INPUT, format!("--roi: {error}")))?,
-                )
-            }
-            None => None,
-        };
-        let any = polarity.is_some() || region.is_some();
-        Ok(any.then_some(Self { polarity, region }))
+    fn new(recording: &Recording, args: &ConvertArgs) -> Result<Option<Self>, Failure> {
+        let geometry = recording.block_geometry();
+        let mut filters: Vec<Box<dyn Filter>> = Vec::new();
+        if let Some(path) = &args.hot_pixels {
+            let hot = HotPixels::load(path)?;
+            hot.check(path, recording)?;
+            filters.push(Box::new(hot.filter()));
+        }
+        if let Some(keep) = args.polarity {
+            filters.push(Box::new(PolarityFilter::new(geometry, PolarityParams { keep })));
+        }
+        if let Some(Region { x, y, width, height }) = args.roi {
+            let region = RegionOfInterest::try_new(geometry, RegionParams { x, y, width, height });
+            let wrong = |error| Failure::new(Failure::INPUT, format!("--roi: {error}"));
+            filters.push(Box::new(region.map_err(wrong)?));
+        }
+        Ok((!filters.is_empty()).then_some(Self(filters)))
     }
 }
 
 impl Filter for Thin {
     fn keep(&mut self, event: Event) -> bool {
-        self.polarity.as_mut().is_none_or(|filter| filter.keep(event))
-            && self.region.as_mut().is_none_or(|filter| filter.keep(event))
+        self.0.iter_mut().all(|filter| filter.keep(event))
     }
 
     fn retain(&mut self, block: &mut Block<'_>) -> Result<usize, WrongGeometry> {
-        if let Some(filter) = &mut self.polarity {
-            filter.retain(block)?;
-        }
-        if let Some(filter) = &mut self.region {
+        for filter in &mut self.0 {
             filter.retain(block)?;
         }
         Ok(block.len())

@@ -18,6 +18,7 @@ mod output;
 
 mod check;
 pub mod convert;
+mod hot_pixels;
 mod info;
 mod progress;
 pub mod render;
@@ -72,6 +73,7 @@ fn connect(root: Option<&std::path::Path>, name: &str) -> Result<Client, Failure
 fn run(command: Command) -> Result<ExitCode, Failure> {
     match command {
         Command::Info(args) => info::run(&args),
+        Command::HotPixels(args) => hot_pixels::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Slice(args) => convert::slice(&args),
         Command::Render(args) => render::run(&args),

@@ -173,7 +173,10 @@ impl AnyFilter {
         match spec {
             FilterSpec::Polarity(params) => polarity::make(geometry, *params),
             FilterSpec::RegionOfInterest(params) => region_of_interest::make(geometry, *params),
-            FilterSpec::HotPixel(spec) => hot_pixel::make(geometry, ())?.masking(&spec.pixels, geometry),
+            FilterSpec::HotPixel(spec) => {
+                check_hot_pixels(&spec.file, spec.sensor, geometry)?;
+                hot_pixel::make(geometry, ())?.masking(&spec.pixels, geometry)
+            }
             FilterSpec::Refractory(params) if params.shift == 0 => refractory_u32::make(geometry, *params),
             FilterSpec::Refractory(params) => refractory_u16::make(geometry, *params),
             FilterSpec::BackgroundActivity(params) if params.shift == 0 => {
@@ -181,6 +184,7 @@ impl AnyFilter {
             }
             FilterSpec::BackgroundActivity(params) => background_activity_u16::make(geometry, *params),
             FilterSpec::Denoise(spec) => {
+                check_hot_pixels(&spec.hot_pixels_file, spec.hot_pixels_sensor, geometry)?;
                 let make = if spec.shift == 0 { denoise_u32::make } else { denoise_u16::make };
                 make(geometry, spec.params())?.masking(&spec.hot_pixels, geometry)
             }
@@ -220,10 +224,59 @@ impl AnyFilter {
 
 /// Settings of a [`HotPixelFilter`].
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct HotPixelSpec {
-    /// The hot pixels, each `[x, y]`.
+    /// The hot pixels, each `[x, y]`; by default none.
     pub pixels: Vec<(u16, u16)>,
+    /// A file of more of them, as `lobula hot-pixels` writes it. The core reads no files: whoever reads the settings
+    /// loads it first (see [`FilterSpec::hot_pixels_mut`]), or the chain cannot be made.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// Columns and rows of the sensor whose pixels they are; another is refused. By default any will do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<(u16, u16)>,
+}
+
+/// The hot pixels in the settings of a filter, to be completed from a file.
+#[derive(Debug)]
+pub struct HotPixelList<'a> {
+    /// Each as (x, y).
+    pub pixels: &'a mut Vec<(u16, u16)>,
+    /// The file that was not loaded yet.
+    pub file: &'a mut Option<String>,
+    /// Columns and rows of their sensor, if they are known.
+    pub sensor: &'a mut Option<(u16, u16)>,
+}
+
+impl FilterSpec {
+    /// The hot pixels of a filter that has some: load what [`file`](HotPixelList::file) names into the others and leave
+    /// `None` there.
+    pub fn hot_pixels_mut(&mut self) -> Option<HotPixelList<'_>> {
+        match self {
+            Self::HotPixel(HotPixelSpec { pixels, file, sensor }) => {
+                Some(HotPixelList { pixels, file, sensor })
+            }
+            Self::Denoise(DenoiseSpec { hot_pixels, hot_pixels_file, hot_pixels_sensor, .. }) => {
+                Some(HotPixelList { pixels: hot_pixels, file: hot_pixels_file, sensor: hot_pixels_sensor })
+            }
+            _ => None,
+        }
+    }
+}
+
+/// Refuses hot pixels of another sensor, and a file of them that was not loaded.
+fn check_hot_pixels(
+    file: &Option<String>,
+    sensor: Option<(u16, u16)>,
+    geometry: Geometry,
+) -> Result<(), ChainCause> {
+    if file.is_some() {
+        return Err(ChainCause::FileNotLoaded);
+    }
+    match sensor.map(|(width, height)| Geometry::new(width, height)) {
+        Some(expected) if expected != geometry => Err(ChainCause::OtherSensor { expected, geometry }),
+        _ => Ok(()),
+    }
 }
 
 /// Settings of a [`MaskFilter`].
@@ -255,6 +308,12 @@ pub struct DenoiseSpec {
     pub shift: u8,
     /// The hot pixels, each `[x, y]`; by default none.
     pub hot_pixels: Vec<(u16, u16)>,
+    /// A file of more of them: see [`HotPixelSpec::file`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hot_pixels_file: Option<String>,
+    /// Columns and rows of their sensor: see [`HotPixelSpec::sensor`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hot_pixels_sensor: Option<(u16, u16)>,
 }
 
 impl Default for DenoiseSpec {
@@ -266,8 +325,17 @@ impl Default for DenoiseSpec {
 impl From<DenoiseParams> for DenoiseSpec {
     fn from(params: DenoiseParams) -> Self {
         let DenoiseParams { refractory_us, support_us, support, polarity_match, trail_us, shift } = params;
-        let hot_pixels = Vec::new();
-        Self { refractory_us, support_us, support, polarity_match, trail_us, shift, hot_pixels }
+        Self {
+            refractory_us,
+            support_us,
+            support,
+            polarity_match,
+            trail_us,
+            shift,
+            hot_pixels: Vec::new(),
+            hot_pixels_file: None,
+            hot_pixels_sensor: None,
+        }
     }
 }
 

@@ -7,7 +7,7 @@ mod filter;
 mod transform;
 mod view;
 
-pub use filter::{AnyFilter, DenoiseSpec, FilterSpec, HotPixelSpec, MaskSpec};
+pub use filter::{AnyFilter, DenoiseSpec, FilterSpec, HotPixelList, HotPixelSpec, MaskSpec};
 pub use transform::AnyTransform;
 pub use view::{BadView, Canvas, Line, Offline, PushError, Reference, View, ViewSpec};
 
@@ -78,6 +78,15 @@ pub enum ChainCause {
         /// Bytes it needs.
         bytes: usize,
     },
+    /// Its hot pixels are in a file that whoever read the settings did not load.
+    FileNotLoaded,
+    /// Its hot pixels are of another sensor.
+    OtherSensor {
+        /// Whose they are.
+        expected: Geometry,
+        /// The sensor's size.
+        geometry: Geometry,
+    },
     /// A pixel of its mask is not on the sensor.
     PixelOffSensor {
         /// Its column.
@@ -97,6 +106,15 @@ impl core::fmt::Display for ChainError {
             ChainCause::Transform(error) => error.fmt(f),
             ChainCause::NoFilter => f.write_str("it is a transform and no filter: put it into a chain"),
             ChainCause::OutOfMemory { bytes } => write!(f, "no memory for its map of {bytes} bytes"),
+            ChainCause::FileNotLoaded => {
+                f.write_str("its file of hot pixels was not loaded: give the pixels")
+            }
+            ChainCause::OtherSensor { expected, geometry } => {
+                write!(
+                    f,
+                    "its hot pixels are of a {expected} sensor and this is a {geometry} one: learn this camera's"
+                )
+            }
             ChainCause::PixelOffSensor { x, y, geometry } => {
                 write!(f, "pixel ({x}, {y}) is not on the {geometry} sensor: give the pixels of this camera")
             }
@@ -237,6 +255,24 @@ mod tests {
             r#"[{ "kind": "undistort", "model": "fisheye", "fx": 1, "fy": 1, "cx": 0, "cy": 0, "p1": 0 }]"#,
         ] {
             assert!(serde_json::from_str::<Spec>(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn hot_pixels_of_another_sensor_or_in_a_file_are_refused() {
+        let cause = |text: &str| {
+            let spec: Spec = serde_json::from_str(text).unwrap();
+            Chain::try_new(&spec, Geometry::new(8, 8)).err().map(|error| error.cause)
+        };
+        let other = ChainCause::OtherSensor { expected: Geometry::new(8, 9), geometry: Geometry::new(8, 8) };
+        for (text, expected) in [
+            (r#"[{ "kind": "hot_pixel", "pixels": [[1, 2]], "sensor": [8, 8] }]"#, None),
+            (r#"[{ "kind": "hot_pixel", "pixels": [[1, 2]], "sensor": [8, 9] }]"#, Some(other)),
+            (r#"[{ "kind": "hot_pixel", "file": "a.txt" }]"#, Some(ChainCause::FileNotLoaded)),
+            (r#"[{ "kind": "denoise", "hot_pixels": [], "hot_pixels_sensor": [8, 9] }]"#, Some(other)),
+            (r#"[{ "kind": "denoise", "hot_pixels_file": "a.txt" }]"#, Some(ChainCause::FileNotLoaded)),
+        ] {
+            assert_eq!(cause(text), expected, "{text}");
         }
     }
 

@@ -87,66 +87,79 @@ struct Fill {
     next: u16,
 }
 
-impl Fill {
+/// The pixels of a window: columns and rows apart, so that a compiler compares many at once.
+struct Window<'a> {
+    xs: &'a mut [u16],
+    ys: &'a mut [u16],
+}
+
+impl<'a> Window<'a> {
+    /// A window of so many events in the first of these words; and the words after it.
     #[inline(always)]
-    fn push(&mut self, window: &mut [u32], pixel: u32) {
-        if let Some(slot) = window.get_mut(self.next as usize) {
-            *slot = pixel;
+    fn split(words: &'a mut [u16], len: usize) -> Option<(Self, &'a mut [u16])> {
+        let (xs, words) = words.split_at_mut_checked(len)?;
+        let (ys, words) = words.split_at_mut_checked(len)?;
+        Some((Self { xs, ys }, words))
+    }
+
+    #[inline(always)]
+    fn push(&mut self, fill: &mut Fill, (x, y): (u16, u16)) {
+        let next = fill.next as usize;
+        if let (Some(column), Some(row)) = (self.xs.get_mut(next), self.ys.get_mut(next)) {
+            (*column, *row) = (x, y);
         }
-        self.len = self.len.max(self.next.saturating_add(1));
-        self.next = self.next.wrapping_add(1);
-        if self.next as usize >= window.len() {
-            self.next = 0;
+        fill.len = fill.len.max(fill.next.saturating_add(1));
+        fill.next = if next + 1 < self.xs.len() { fill.next.wrapping_add(1) } else { 0 };
+    }
+
+    /// Adds its pixels nearer than `distance` to `pixel`; stops where they are `enough`.
+    #[inline(always)]
+    fn add_near(&self, mut near: u16, fill: Fill, pixel: (u16, u16), distance: u16, enough: u16) -> u16 {
+        let filled = ..fill.len as usize;
+        let (xs, ys) = (self.xs.get(filled).unwrap_or_default(), self.ys.get(filled).unwrap_or_default());
+        let ((xs, xs_rest), (ys, ys_rest)) = (xs.as_chunks::<STRIDE>(), ys.as_chunks::<STRIDE>());
+        for (xs, ys) in xs.iter().zip(ys) {
+            if near >= enough {
+                return near;
+            }
+            near = near.saturating_add(count_near(xs, ys, pixel, distance));
         }
+        near.saturating_add(count_near(xs_rest, ys_rest, pixel, distance))
     }
 }
 
-/// A pixel as one word of a window.
-#[inline(always)]
-const fn packed(event: Event) -> u32 {
-    event.x() as u32 | (event.y() as u32) << 16
-}
-
-/// Words compared before looking whether they are enough: few for a core that does one at a time, one or two
-/// registers for one that does many.
+/// Pixels compared before looking whether they are enough: a register of 128 bits.
 const STRIDE: usize = 8;
 
-/// Adds the pixels of `window` nearer than `distance` to `pixel`; stops where they are `enough`.
 #[inline(always)]
-fn add_near(mut near: u32, window: &[u32], pixel: u32, distance: u32, enough: u32) -> u32 {
-    let is_near = |other: &u32| {
-        let dx = (pixel & 0xFFFF).abs_diff(other & 0xFFFF);
-        let dy = (pixel >> 16).abs_diff(other >> 16);
-        (dx + dy < distance) as u32
-    };
-    for words in window.chunks(STRIDE) {
-        if near >= enough {
-            break;
-        }
-        near += words.iter().map(is_near).sum::<u32>();
-    }
-    near
+fn count_near(xs: &[u16], ys: &[u16], (x, y): (u16, u16), distance: u16) -> u16 {
+    // A sum beyond 16 bits is as far as any distance asked for.
+    let is_near = |(a, b): (&u16, &u16)| (x.abs_diff(*a).saturating_add(y.abs_diff(*b)) < distance) as u16;
+    xs.iter().zip(ys).map(is_near).fold(0, u16::wrapping_add)
 }
 
 impl<S: AsRef<[u32]> + AsMut<[u32]>> DoubleWindow<S> {
     #[inline(always)]
     fn is_signal(&mut self, event: Event) -> bool {
+        self.judge(event).unwrap_or(false)
+    }
+
+    #[inline(always)]
+    fn judge(&mut self, event: Event) -> Option<bool> {
         let DoubleWindowParams { window, distance_px, support } = self.params;
-        let memory = self.memory.as_mut().get_mut(..Self::required_len(window)).unwrap_or_default();
-        let Some((signal, noise)) = memory.split_at_mut_checked(window as usize) else { return false };
-        let (pixel, distance, enough) = (packed(event), distance_px as u32, support as u32);
-        let mut near = 0;
-        for (window, fill) in [(&*signal, self.signal), (&*noise, self.noise)] {
-            let filled = window.get(..fill.len as usize).unwrap_or_default();
-            near = add_near(near, filled, pixel, distance, enough);
-        }
-        let is_signal = near >= enough;
+        let words = bytemuck::try_cast_slice_mut(self.memory.as_mut()).ok()?;
+        let (mut signal, words) = Window::split(words, window as usize)?;
+        let (mut noise, _) = Window::split(words, window as usize)?;
+        let pixel = (event.x(), event.y());
+        let near = signal.add_near(0, self.signal, pixel, distance_px, support);
+        let near = noise.add_near(near, self.noise, pixel, distance_px, support);
+        let is_signal = near >= support;
         if is_signal {
-            self.signal.push(signal, pixel)
+            signal.push(&mut self.signal, pixel);
         } else {
-            self.noise.push(noise, pixel)
+            noise.push(&mut self.noise, pixel);
         }
-        is_signal
+        Some(is_signal)
     }
 }
 

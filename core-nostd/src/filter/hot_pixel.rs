@@ -103,6 +103,11 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> HotPixelLearner<S> {
         Ok(())
     }
 
+    /// Events counted of each pixel, row by row.
+    pub fn counts(&self) -> &[u32] {
+        self.counts.as_ref().get(..Self::required_len(self.geometry)).unwrap_or_default()
+    }
+
     /// The pixels counted more than `sigmas` standard deviations above the mean, as a mask in `words`.
     pub fn mask<M: AsRef<[u32]> + AsMut<[u32]>>(
         &self,

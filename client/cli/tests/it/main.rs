@@ -4,6 +4,7 @@
 mod clients;
 mod convert;
 mod demo;
+mod hot_pixels;
 mod info;
 mod render;
 mod tool;
