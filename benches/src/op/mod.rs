@@ -75,6 +75,16 @@ ops! {
     Refractory refractory: "Events without those that follow too soon at their pixel.";
     BackgroundActivity background_activity: "Events without those that no neighbour supports.";
     HotPixel hot_pixel: "Events without those of pixels that fire far too often.";
+    Decimate decimate: "Every n-th event.";
+    Mask mask: "Events of a set of pixels.";
+    Denoise denoise: "Events without those of hot pixels, that follow too soon or that too few neighbours support, in one pass.";
+    Stcf stcf: "Events without those that fewer than 2 of 8 neighbours support.";
+    DoubleWindow double_window: "Events without those that are far from the last ones.";
+    Trail trail: "Events that are the first of their burst.";
+    Inceptive inceptive: "Inceptive events.";
+    LeakyHotPixel leaky_hot_pixel: "Events without those of pixels whose leaky counter is full.";
+    AntiFlicker anti_flicker: "Events without those of tiles that flicker.";
+    RateLimit rate_limit: "Events up to a budget a period, of all tiles.";
     Crop crop: "Events of a rectangle, which becomes the sensor.";
     FlipX flip_x: "Events mirrored left to right.";
     Rotate90 rotate90: "Events turned by a quarter.";

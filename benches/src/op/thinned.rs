@@ -2,6 +2,7 @@
 
 use std::hint::black_box;
 
+use lobula_core::chain::{AnyFilter, FilterSpec};
 use lobula_core::{Event, Filter};
 use lobula_formats::LargeArray;
 
@@ -40,6 +41,21 @@ impl Thinned {
             self.contest(Protocol::Whole, scene, peer, kept, whole(scene, make)),
             self.contest(Protocol::Stream, scene, peer, kept, stream),
         ])
+    }
+
+    /// The contests of a host's filter of these settings.
+    ///
+    /// # Errors
+    /// A sentence, where it cannot be made, or the peer keeps other events.
+    pub fn of_settings<'a>(
+        &self,
+        scene: &'a Scene,
+        peer: Option<&'a dyn Library>,
+        filter: FilterSpec,
+    ) -> Result<Vec<Contest<'a>>, String> {
+        AnyFilter::try_new(&filter, scene.geometry).map_err(|cause| format!("{cause:?}"))?;
+        #[allow(clippy::expect_used)] // it was made above
+        self.contests(scene, peer, move || AnyFilter::try_new(&filter, scene.geometry).expect("made above"))
     }
 
     /// How many events `filter` keeps.

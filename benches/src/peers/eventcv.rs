@@ -165,6 +165,8 @@ impl EventCv {
             Op::HotPixel => {
                 stream("hot_pixel_filter", |all| all.hot_pixel_filter(op::hot_pixel::SIGMAS.into()))
             }
+            Op::Decimate => stream("decimate", |all| all.decimate(op::decimate::N as usize)),
+            Op::Mask => stream("mask", |all| all.mask(&mask(all), all.sensor_size().0, all.sensor_size().1)),
             Op::Crop => stream("crop", |all| all.crop(160, 120, 960, 480)),
             Op::FlipX => stream("flip_x", |all| all.flip_x()),
             Op::Rotate90 => stream("rotate90", |all| all.rotate90(1)),
@@ -185,6 +187,8 @@ impl EventCv {
             Op::SpatialJitter => stream("spatial_jitter", |all| all.spatial_jitter(1.0, 0)),
             Op::SortByTime => stream("sort_by_time", |all| all.sort_by_time()),
             Op::Evt3Decode | Op::Evt2Decode | Op::Evt21Decode | Op::Voxel5Share => return None,
+            Op::Denoise | Op::Stcf | Op::DoubleWindow | Op::Trail | Op::Inceptive => return None,
+            Op::LeakyHotPixel | Op::AntiFlicker | Op::RateLimit => return None,
             Op::FilePolarity | Op::FileVoxel5 | Op::FileTimeSurface => return None, // see `fused`
         })
     }
@@ -199,6 +203,14 @@ impl EventCv {
         })
     }
 
+    /// The events of a mask made before.
+    fn inside(&self) -> Peer<'_> {
+        let mask = mask(&self.stream);
+        let (width, height) = self.size;
+        let inside = move || black_box(self.stream.mask(&mask, width, height)).len() as u64;
+        peer("mask", Box::new(inside))
+    }
+
     /// The events of a mask learnt before.
     fn masked(&self) -> Peer<'_> {
         let mask = self.stream.hot_pixel_mask(op::hot_pixel::SIGMAS.into());
@@ -211,6 +223,13 @@ impl EventCv {
 fn camera() -> Camera {
     let BrownConrady { fx, fy, cx, cy, k1, k2, p1, p2, k3 } = op::undistort::LENS;
     Camera { fx, fy, cx, cy, k1, k2, p1, p2, k3 }
+}
+
+/// The pixels of [`op::mask`], as it wants them.
+fn mask(stream: &EventStream) -> Vec<bool> {
+    let (width, height) = stream.sensor_size();
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    pixels.map(|(x, y)| op::mask::inside(x as u16, y as u16)).collect()
 }
 
 /// A call of its, and what it makes.
@@ -241,6 +260,7 @@ impl Library for EventCv {
             (Op::Evt3Decode, Protocol::Stream) => self.decode_stream(),
             (Op::Polarity, Protocol::Stream) => self.polarity_stream(),
             (Op::HotPixel, Protocol::Stream) => vec![self.masked()],
+            (Op::Mask, _) => vec![self.inside()],
             // Of the decoders of other formats see `decoders`.
             _ => self.making(op).into_iter().collect(),
         }

@@ -1,0 +1,22 @@
+//! Inceptive events.
+
+use lobula_core::chain::FilterSpec;
+use lobula_core::filter::InceptiveParams;
+
+use super::Op;
+use super::thinned::Thinned;
+use crate::contest::Contest;
+use crate::input::Scene;
+use crate::peers::Library;
+
+/// The name in reports.
+pub const NAME: &str = "inceptive";
+
+/// The operation's contests; no peer has it.
+///
+/// # Errors
+/// A sentence, where the filter cannot be made.
+pub fn contests<'a>(scene: &'a Scene, _: Option<&'a dyn Library>) -> Result<Vec<Contest<'a>>, String> {
+    let op = Thinned { op: Op::Inceptive, bar_stream: None, note: "a map of 16-bit ticks of 8 µs" };
+    op.of_settings(scene, None, FilterSpec::Inceptive(InceptiveParams { shift: 3, ..InceptiveParams::default() }))
+}

@@ -1,0 +1,22 @@
+//! Events up to a budget a period, of all tiles.
+
+use lobula_core::chain::FilterSpec;
+use lobula_core::filter::RateLimitParams;
+
+use super::Op;
+use super::thinned::Thinned;
+use crate::contest::Contest;
+use crate::input::Scene;
+use crate::peers::Library;
+
+/// The name in reports.
+pub const NAME: &str = "rate_limit";
+
+/// The operation's contests; no peer has it.
+///
+/// # Errors
+/// A sentence, where the filter cannot be made.
+pub fn contests<'a>(scene: &'a Scene, _: Option<&'a dyn Library>) -> Result<Vec<Contest<'a>>, String> {
+    let op = Thinned { op: Op::RateLimit, bar_stream: None, note: "5000 events a ms, tiles of 32x32 pixels" };
+    op.of_settings(scene, None, FilterSpec::RateLimit(RateLimitParams { events: 5_000, period_us: 1_000, tile_shift: 5 }))
+}

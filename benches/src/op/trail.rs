@@ -1,0 +1,22 @@
+//! Events that are the first of their burst.
+
+use lobula_core::chain::FilterSpec;
+use lobula_core::filter::TrailParams;
+
+use super::Op;
+use super::thinned::Thinned;
+use crate::contest::Contest;
+use crate::input::Scene;
+use crate::peers::Library;
+
+/// The name in reports.
+pub const NAME: &str = "trail";
+
+/// The operation's contests; no peer has it.
+///
+/// # Errors
+/// A sentence, where the filter cannot be made.
+pub fn contests<'a>(scene: &'a Scene, _: Option<&'a dyn Library>) -> Result<Vec<Contest<'a>>, String> {
+    let op = Thinned { op: Op::Trail, bar_stream: None, note: "a map of 16-bit ticks of 8 µs" };
+    op.of_settings(scene, None, FilterSpec::Trail(TrailParams { shift: 3, ..TrailParams::default() }))
+}
