@@ -28,7 +28,7 @@ impl Moved {
     ///
     /// # Errors
     /// A sentence, where the transform cannot be made or the peer gives other events.
-    pub fn contests<'a, T: Transform + 'a, E: core::fmt::Display>(
+    pub fn contests<'a, T: Transform + Clone + 'a, E: core::fmt::Display>(
         &self,
         scene: &'a Scene,
         peer: Option<&'a dyn Library>,
@@ -97,11 +97,13 @@ fn move_all(scene: &Scene, transform: &mut impl Transform) -> Result<LargeArray<
 
 /// As many events as the scene has, of its first packets again and again: copied into one buffer, as a decoder would
 /// write them, and moved there.
-fn in_packets<'a, T: Transform + 'a>(scene: &'a Scene, mut transform: T) -> Work<'a> {
+fn in_packets<'a, T: Transform + Clone + 'a>(scene: &'a Scene, transform: T) -> Work<'a> {
     let mut buffer = vec![Event::default(); PACKET_EVENTS];
     let resident: Vec<Span<'a>> = packets(scene.span(RESIDENT_PACKETS * PACKET_EVENTS)).collect();
     let count = scene.events.len() / PACKET_EVENTS;
     Box::new(move || {
+        // Anew, since what is random goes by the number of the event.
+        let mut transform = transform.clone();
         let mut left = 0;
         for packet in resident.iter().cycle().take(count) {
             let mut block = block_of(*packet, &mut buffer);
