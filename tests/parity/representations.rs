@@ -55,7 +55,9 @@ pub const OPS: &[Op] = &[
         name: "tencode",
         theirs: "s.tencode(window_ms=5)",
         ours: |slice| {
-            let (shape, values) = tensor(slice, Some(5_000), Tencode::new(slice.geometry));
+            let state = vec![0; slice.geometry.pixels().div_ceil(2)];
+            let stage = Tencode::try_new(slice.geometry, state).unwrap();
+            let (shape, values) = tensor(slice, Some(5_000), stage);
             Answer::Integers(shape, values.into_iter().map(Into::into).collect())
         },
     },

@@ -25,5 +25,9 @@ pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<V
         tolerance: 0.0,
         note: "same but for up to 1000 elements of 2.8 million, since ours takes the last event and the peer the one of greatest time",
     };
-    op.contests_but(OUTLIERS, scene, peer, || Tencode::new(scene.geometry))
+    let make = || Tencode::try_new(scene.geometry, vec![0; scene.geometry.pixels().div_ceil(2)]);
+    make().map_err(|e| e.to_string())?;
+    #[allow(clippy::expect_used)] // it was made above
+    let make = move || make().expect("made above");
+    op.contests_but(OUTLIERS, scene, peer, make)
 }

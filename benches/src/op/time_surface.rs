@@ -24,7 +24,7 @@ pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<V
     surface(scene)?;
     let op = Tensor {
         op: Op::TimeSurface,
-        bar_stream: 4.0,
+        bar_stream: 5.0,
         tolerance: 5e-4,
         note: "same to 5e-4, since ours takes the last event and the peer the one of greatest time; both f32",
     };

@@ -10,6 +10,9 @@ use crate::representation::{BadRepresentation, Build, Parameters, check};
 use crate::vector::widest;
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
+/// Adding it rounds a small number to a whole one, which is then in the low bits of the sum.
+const ROUND: f32 = 8_388_608.0; // 2^23
+
 /// Colours of an [`EventImage`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
@@ -104,27 +107,42 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for EventImage<S> {
 
     fn finish(&mut self, out: &mut [u8]) {
         let (tau_us, (now, map), colours) = (self.tau_us, self.stamps.ages(), self.palette.colours());
-        for (channel, out) in out.chunks_mut(self.geometry.pixels().max(1)).take(3).enumerate() {
-            let [none, on, off] =
-                colours.map(|colour| f32::from(colour.get(channel).copied().unwrap_or_default()));
-            widest(
-                #[inline(always)]
-                || fade(now, tau_us, map, [none, on - none, off - none], out),
-            );
-        }
+        let pixels = self.geometry.pixels();
+        let (red, rest) = out.split_at_mut(pixels.min(out.len()));
+        let (green, blue) = rest.split_at_mut(pixels.min(rest.len()));
+        let channels = [red, green, blue];
+        widest(
+            #[inline(always)]
+            || fade(now, tau_us, map, colours, channels),
+        );
     }
 }
 
-/// One channel: what is there without events, and what an ON and an OFF one add to it.
+/// Pixels whose shares are worked out together, for all three channels.
+const ROW: usize = 256;
+
+/// Paints every pixel of the map.
 #[inline(always)]
-fn fade(now: u32, tau_us: u32, map: &[u32], [none, on, off]: [f32; 3], out: &mut [u8]) {
+fn fade(now: u32, tau_us: u32, map: &[u32], colours: [[u8; 3]; 3], mut channels: [&mut [u8]; 3]) {
     let rate = -1.0 / tau_us as f32;
     let age_max = (tau_us * DECAYS_MAX) as i32;
-    for (out, last) in out.iter_mut().zip(map) {
-        let age = (now.wrapping_sub(*last & !1) as i32).min(age_max);
-        let colour = if *last & 1 == 0 { off } else { on };
-        // From 0.5 to 255.5, so that the conversion cuts off what rounding would.
-        *out = (none + colour * exp(age as f32 * rate) + 0.5) as i32 as u8;
+    let mut shares = [0.0f32; ROW];
+    for map in map.chunks(ROW) {
+        for (share, last) in shares.iter_mut().zip(map) {
+            let age = (now.wrapping_sub(*last & !1) as i32).min(age_max);
+            *share = exp(age as f32 * rate);
+        }
+        for (at, channel) in channels.iter_mut().enumerate() {
+            let [none, on, off] =
+                colours.map(|colour| f32::from(colour.get(at).copied().unwrap_or_default()));
+            let (out, rest) = core::mem::take(channel).split_at_mut_checked(map.len()).unwrap_or_default();
+            for (out, (last, share)) in out.iter_mut().zip(map.iter().zip(&shares)) {
+                let colour = if *last & 1 == 0 { off - none } else { on - none };
+                // Rounded into the lowest bits, which is quicker than a conversion.
+                *out = (none + colour * *share + ROUND).to_bits() as u8;
+            }
+            *channel = rest;
+        }
     }
 }
 

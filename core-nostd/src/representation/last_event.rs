@@ -9,8 +9,8 @@ use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry}
 /// Reaches further back than this from the newest event are 2^30 µs.
 const WINDOW_US_MAX: u32 = 1 << 30;
 
-/// A slice that is newer than the one before by less than this takes that one's reference; else its clock has restarted.
-const RESTART_US: u64 = 1 << 29;
+/// A slice that ends by no more than this before the one before it did ends where that did: clocks step back so far.
+const STEP_BACK_US: u64 = crate::Slicer::SLACK_US;
 
 /// The events of a slice, in bounded memory of the caller's.
 ///
@@ -18,7 +18,8 @@ const RESTART_US: u64 = 1 << 29;
 /// at most 2^30 µs before. Older events are dropped and [counted](Self::older), as are those that the memory has no room
 /// for ([`overflowed`](Self::overflowed)): they come last and are not the newest then.
 ///
-/// A slice of nothing but late events ends where the slice before it did.
+/// A slice of nothing but late events ends where its window of the grid begins; one that ends up to 1 ms before the one
+/// before it did ends where that did, since clocks step back.
 #[derive(Clone, Debug)]
 pub struct KeptSlice<E> {
     events: E,
@@ -106,14 +107,16 @@ impl<E: AsRef<[Event]> + AsMut<[Event]>> KeptSlice<E> {
         self.len = kept;
     }
 
-    /// The slice is complete: its window and its events, on a sensor of this size. Without events its window is `empty`.
-    pub fn end(&mut self, empty: Window, geometry: Geometry) -> (Window, Span<'_>) {
+    /// The slice, which is all there was in the window `grid`, is complete: its window and its events, on a sensor of this
+    /// size. Without events it is that window.
+    pub fn end(&mut self, grid: Window, geometry: Geometry) -> (Window, Span<'_>) {
         if self.len == 0 {
-            self.before = empty.t1;
-            return (empty, Span { t_first: empty.t0, t_last: empty.t0, geometry, events: &[] });
+            self.before = grid.t1;
+            return (grid, Span { t_first: grid.t0, t_last: grid.t0, geometry, events: &[] });
         }
-        let steps_back = self.before > self.newest && self.before - self.newest <= RESTART_US;
-        let t1 = if steps_back { self.before } else { self.newest };
+        let newest = self.newest.max(grid.t0);
+        let steps_back = self.before > newest && self.before - newest <= STEP_BACK_US;
+        let t1 = if steps_back { self.before } else { newest };
         self.before = t1;
         self.drop_older(t1, self.window_us.unwrap_or(WINDOW_US_MAX));
         let events = self.events.as_ref().get(..self.len).unwrap_or_default();

@@ -100,7 +100,7 @@ macro_rules! for_each_representation {
             AveragedTimeSurface AveragedTimeSurface $crate::representation::AveragedTimeSurface<$state>;
             MctsF32 Mcts $crate::representation::Mcts<f32, $state>;
             MctsF16 Mcts $crate::representation::Mcts<$crate::f16, $state>;
-            Tencode Tencode $crate::representation::Tencode;
+            Tencode Tencode $crate::representation::Tencode<$state>;
             SliceCountmask SliceCountmask $crate::representation::SliceCountmask<$state>;
             SliceRedBlue SliceRedBlue $crate::representation::SliceRedBlue<$state>;
             EventImage EventImage $crate::representation::EventImage<$state>;

@@ -5,6 +5,7 @@
 
 use crate::math::sqrt;
 use crate::representation::{BadRepresentation, Build, Parameters, VoxelGrid};
+use crate::vector::widest;
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// A signed [`VoxelGrid`] whose elements other than 0 have mean 0 and standard deviation 1: bins x H x W of f32.
@@ -76,10 +77,19 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SliceVoxelGrid<S> {
 
     fn finish(&mut self, out: &mut [f32]) {
         let voxels: &[f32] = bytemuck::cast_slice(self.state.as_ref());
-        let (mean, scale) = Moments::of(voxels).normal();
-        for (out, voxel) in out.iter_mut().zip(voxels) {
-            *out = if *voxel == 0.0 { 0.0 } else { (*voxel - mean) * scale };
-        }
+        let moments = widest(
+            #[inline(always)]
+            || Moments::of(voxels),
+        );
+        let (mean, scale) = moments.normal();
+        widest(
+            #[inline(always)]
+            || {
+                for (out, voxel) in out.iter_mut().zip(voxels) {
+                    *out = if *voxel == 0.0 { 0.0 } else { (*voxel - mean) * scale };
+                }
+            },
+        );
     }
 }
 
@@ -95,14 +105,22 @@ struct Moments {
 }
 
 impl Moments {
+    #[inline(always)]
     fn of(voxels: &[f32]) -> Self {
         let (mut counts, mut sums, mut squares) = ([0.0f64; LANES], [0.0f64; LANES], [0.0f64; LANES]);
-        for voxels in voxels.chunks(LANES) {
-            for (lane, voxel) in voxels.iter().enumerate().take(LANES) {
-                let voxel = f64::from(*voxel);
-                counts[lane] += if voxel == 0.0 { 0.0 } else { 1.0 };
-                sums[lane] += voxel;
-                squares[lane] += voxel * voxel;
+        let (groups, rest) = voxels.as_chunks::<LANES>();
+        let mut last = [0.0; LANES];
+        last.iter_mut().zip(rest).for_each(|(last, voxel)| *last = *voxel);
+        for group in groups.iter().chain([&last]) {
+            let group = group.map(f64::from);
+            for (count, voxel) in counts.iter_mut().zip(group) {
+                *count += if voxel == 0.0 { 0.0 } else { 1.0 };
+            }
+            for (sum, voxel) in sums.iter_mut().zip(group) {
+                *sum += voxel;
+            }
+            for (square, voxel) in squares.iter_mut().zip(group) {
+                *square += voxel * voxel;
             }
         }
         let [count, sum, squares] = [counts, sums, squares].map(|lanes| lanes.iter().fold(0.0, |a, b| a + b));

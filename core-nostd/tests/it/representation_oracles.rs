@@ -6,7 +6,7 @@ use crate::representation::{GEOMETRY, PIXELS, counts, pixel, pixel_by_polarity, 
 use crate::streams::{self, Timed};
 use crate::window::oracle;
 use lobula_core::representation::*;
-use lobula_core::{CountSlicer, Event, Piece, Polarity, Representation, Window};
+use lobula_core::{CountSlicer, Event, Geometry, Piece, Polarity, Representation, Window};
 use proptest::prelude::*;
 
 const PERIOD_US: u32 = 5_000;
@@ -73,6 +73,10 @@ fn percentile(counts: &[u64], percent: f64) -> f64 {
     let position = last as f64 * percent / 100.0;
     let (low, high) = (counts[position.floor() as usize] as f64, counts[position.ceil() as usize] as f64);
     low + (high - low) * position.fract()
+}
+
+fn tencode(geometry: Geometry) -> Tencode<Vec<u32>> {
+    Tencode::try_new(geometry, state(geometry.pixels().div_ceil(2))).unwrap()
 }
 
 fn state(len: usize) -> Vec<u32> {
@@ -255,7 +259,7 @@ proptest! {
 
     #[test]
     fn colours_of_the_last_event(events in streams::stream(GEOMETRY, 300), tau_us in 50u32..60_000) {
-        check(Tencode::new(GEOMETRY), &events, 0.0, |window, inside| {
+        check(tencode(GEOMETRY), &events, 0.0, |window, inside| {
             let mut out = vec![0.0; 3 * PIXELS];
             for timed in inside {
                 let (at, on) = (pixel(timed.event), f64::from(timed.event.is_on()));
@@ -297,25 +301,30 @@ proptest! {
         room in 1usize..300,
     ) {
         let kept = vec![Event::default(); room];
-        let mut stage = LastEvent::try_new(Tencode::new(GEOMETRY), GEOMETRY, back, kept).unwrap();
+        let mut stage = LastEvent::try_new(tencode(GEOMETRY), GEOMETRY, back, kept).unwrap();
         let tensors = render(&mut stage, &events, PERIOD_US, &mut Splits::Random(13));
         let (mut older, mut overflowed, mut before) = (0, 0, 0u64);
         for ((grid, tensor), (_, inside)) in tensors.iter().zip(&oracle(&events, PERIOD_US).windows) {
             let stored = &inside[..inside.len().min(room)];
             overflowed += (inside.len() - stored.len()) as u64;
-            let newest = stored.iter().map(|timed| timed.t).max().unwrap_or(grid.t1);
-            let t1 = if before > newest && before - newest <= 1 << 29 { before } else { newest };
+            let newest = stored.iter().map(|timed| timed.t.max(grid.t0)).max();
+            let t1 = match newest {
+                Some(newest) if before > newest && before - newest <= 1_000 => before,
+                Some(newest) => newest,
+                None => grid.t1,
+            };
             before = t1;
             let reach = u64::from(back.unwrap_or(1 << 30));
             let seen: Vec<Timed> = stored.iter().filter(|timed| t1 - timed.t <= reach).copied().collect();
             older += (stored.len() - seen.len()) as u64;
             let t0 = back.map_or(seen.iter().map(|timed| timed.t).min(), |us| Some(t1.saturating_sub(us.into())));
-            let mut plain = Tencode::new(GEOMETRY);
+            let mut plain = tencode(GEOMETRY);
             let mut expected = vec![0; 3 * PIXELS];
             plain.begin(Window { t0: t0.unwrap_or(0), t1 }, &mut expected);
             let memory = streams::block_events(&seen);
             let span = lobula_core::Span { t_first: t1, t_last: t1, geometry: GEOMETRY, events: &memory };
             plain.accumulate(span, &mut expected).unwrap();
+            plain.finish(&mut expected);
             prop_assert_eq!(tensor, &expected);
         }
         prop_assert_eq!((stage.slice().older(), stage.slice().overflowed()), (older, overflowed));
@@ -323,7 +332,7 @@ proptest! {
 }
 
 chunk_invariance!(representation last_event, |geometry| {
-    LastEvent::try_new(Tencode::new(geometry), geometry, Some(3_000), vec![Event::default(); 50]).unwrap()
+    LastEvent::try_new(tencode(geometry), geometry, Some(3_000), vec![Event::default(); 50]).unwrap()
 });
 
 /// The slices that a cutter by count gives: window, and number of events.

@@ -87,18 +87,20 @@ unsafe fn slicer(at: *mut Slicer, period_us: u32) -> Result<(), BadPeriod> {
     Slicer::try_new(period_us).map(|slicer| unsafe { at.write(slicer) })
 }
 
-type Kept = LastEvent<Tencode, &'static mut [Event]>;
+type Kept = LastEvent<Tencode<State>, &'static mut [Event]>;
 
 unsafe fn keep(
     at: *mut Kept,
     geometry: Geometry,
     window_us: Option<u32>,
     events: (*mut Event, usize),
+    state: (*mut u32, usize),
 ) -> Result<(), BadRepresentation> {
     // SAFETY: the caller's promise.
-    let events = unsafe { slice_mut(events.0, events.1) };
+    let (events, state) = unsafe { (slice_mut(events.0, events.1), slice_mut(state.0, state.1)) };
+    let tencode = Tencode::try_new(geometry, state)?;
     // SAFETY: the caller's promise.
-    LastEvent::try_new(Tencode::new(geometry), geometry, window_us, events).map(|kept| unsafe { at.write(kept) })
+    LastEvent::try_new(tencode, geometry, window_us, events).map(|kept| unsafe { at.write(kept) })
 }
 
 unsafe fn count(
