@@ -241,6 +241,25 @@ pub trait Representation {
 
     /// The window closes: `out` is complete.
     fn finish(&mut self, out: &mut [Self::Pixel]);
+
+    /// Whether its tensors are zero but where events fell: all that [`begin`](Self::begin) does to `out` is to zero it,
+    /// [`accumulate`](Self::accumulate) changes elements of the events' pixels only, in any plane, and
+    /// [`finish`](Self::finish) changes none. Such a tensor can be erased where it was drawn, see
+    /// [`Eraser`](crate::representation::Eraser).
+    fn is_sparse(&self) -> bool {
+        false
+    }
+
+    /// Of a sparse one: a window opens in memory that is zero already.
+    fn begin_blank(&mut self, window: Window) {
+        let _ = window;
+    }
+
+    /// Of a sparse one: the planes that these events of the open window change, or more. Plane `n` is bit `n % 16`.
+    fn planes(&self, events: &[Event]) -> u16 {
+        let _ = events;
+        u16::MAX
+    }
 }
 
 /// Finds features: corners, clusters, flow.

@@ -58,6 +58,7 @@ ops! {
     Evt21Decode evt21_decode: "EVT 2.1 bytes to events.";
     Polarity polarity: "Events to counts per pixel and polarity.";
     Voxel5 voxel5: "Events to a voxel grid of 5 bins.";
+    ReplayVoxel5 replay_voxel5: "EVT3 bytes to a voxel grid of 5 bins for each millisecond.";
     TimeSurface time_surface: "Events to a decayed time surface per polarity.";
     Count count: "Events to counts per pixel.";
     Binary binary: "Events to which pixels had any.";

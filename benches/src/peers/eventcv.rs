@@ -186,7 +186,7 @@ impl EventCv {
             Op::PixelDropout => stream("pixel_dropout", |all| all.pixel_dropout(0.1, 0)),
             Op::SpatialJitter => stream("spatial_jitter", |all| all.spatial_jitter(1.0, 0)),
             Op::SortByTime => stream("sort_by_time", |all| all.sort_by_time()),
-            Op::Evt3Decode | Op::Evt2Decode | Op::Evt21Decode | Op::Voxel5Share => return None,
+            Op::Evt3Decode | Op::Evt2Decode | Op::Evt21Decode | Op::Voxel5Share | Op::ReplayVoxel5 => return None,
             Op::Denoise | Op::Stcf | Op::DoubleWindow | Op::Trail | Op::Inceptive => return None,
             Op::LeakyHotPixel | Op::AntiFlicker | Op::RateLimit => return None,
             Op::FilePolarity | Op::FileVoxel5 | Op::FileTimeSurface => return None, // see `fused`
@@ -209,6 +209,27 @@ impl EventCv {
         let (width, height) = self.size;
         let inside = move || black_box(self.stream.mask(&mask, width, height)).len() as u64;
         peer("mask", Box::new(inside))
+    }
+
+    /// A voxel grid for each window of its lazy reader.
+    fn replay(&self) -> Peer<'_> {
+        let (t0, t1) = self.source.time_span();
+        let window_us = i64::from(op::replay_voxel5::PERIOD_US);
+        let window_ms = window_us as f64 * MILLISECONDS_OF_A_MICROSECOND;
+        let voxel = VoxelGrid::new(op::voxel5::BINS.into(), window_ms);
+        let replay = move || {
+            let windows = (t0..=t1).step_by(window_us as usize);
+            windows
+                .map(|t| {
+                    self.source.slice_time(t, t + window_us).map_or(0, |slice| {
+                        black_box(voxel.generate(&slice)).map_or(0, |_| slice.len() as u64)
+                    })
+                })
+                .sum()
+        };
+        // A time that steps back over a window's edge is lost to it: its count is its own.
+        let expected = Some(replay());
+        Peer { expected, ..peer("slice_time 1 ms, VoxelGrid::generate", Box::new(replay)) }
     }
 
     /// The events of a mask learnt before.
@@ -261,6 +282,7 @@ impl Library for EventCv {
             (Op::Polarity, Protocol::Stream) => self.polarity_stream(),
             (Op::HotPixel, Protocol::Stream) => vec![self.masked()],
             (Op::Mask, _) => vec![self.inside()],
+            (Op::ReplayVoxel5, _) => vec![self.replay()],
             // Of the decoders of other formats see `decoders`.
             _ => self.making(op).into_iter().collect(),
         }

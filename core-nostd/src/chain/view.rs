@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cut::Cut;
 use crate::representation::{
-    BadRepresentation, Build, Dtype, KeptSlice, Kind, Parameters, Pixel, for_each_parameter,
+    BadRepresentation, Build, Dtype, Eraser, KeptSlice, Kind, Parameters, Pixel, for_each_parameter,
 };
 use crate::{
     BadPeriod, Closed, CountSlicer, Event, Geometry, Piece, Representation, Shape, Slicer, Span, Window,
@@ -250,6 +250,12 @@ impl core::fmt::Display for PushError {
 
 impl core::error::Error for PushError {}
 
+impl From<WrongGeometry> for PushError {
+    fn from(error: WrongGeometry) -> Self {
+        Self::Geometry(error)
+    }
+}
+
 /// Where a view draws: lends memory for each window and takes the complete tensor.
 pub trait Canvas {
     /// A window opens: make memory ready, such as a sample on loan.
@@ -261,6 +267,12 @@ pub trait Canvas {
 
     /// The window closes: the memory holds its tensor. Send it.
     fn end(&mut self, closed: Closed);
+
+    /// Whether it lends the same memory for every window and lets nobody else write to it. A view then erases what it
+    /// drew before and no more, which is quicker where few events fall into a window; the tensors are the same.
+    fn keeps(&self) -> bool {
+        false
+    }
 }
 
 type State = Box<[u32]>;
@@ -282,6 +294,8 @@ pub struct View {
     geometry: Geometry,
     representation: AnyRepresentation,
     kept: Option<KeptSlice<Box<[Event]>>>,
+    /// What was drawn where; made for the first canvas that keeps its memory.
+    eraser: Option<Eraser<Box<[u32]>>>,
 }
 
 impl View {
@@ -290,7 +304,7 @@ impl View {
         let cut = spec.cut()?;
         let dtype = spec.dtype.unwrap_or(spec.kind.dtype());
         let representation = AnyRepresentation::try_new(spec.kind, dtype, &spec.parameters()?, geometry)?;
-        Ok(Self { cut, geometry, representation, kept: spec.kept()? })
+        Ok(Self { cut, geometry, representation, kept: spec.kept()?, eraser: None })
     }
 
     /// Extent of its tensors.
@@ -344,22 +358,22 @@ impl View {
             let (expected, found) = (self.geometry, span.geometry);
             return Err(PushError::Geometry(WrongGeometry { expected, found }));
         }
-        let mut pen = Pen::new(&mut self.representation, &mut self.kept, self.geometry, canvas);
-        self.cut.push(span, |piece| pen.draw(piece));
+        let (cut, mut pen) = Pen::new(self, canvas);
+        cut.push(span, |piece| pen.draw(piece));
         pen.done
     }
 
     /// Stream time has come to `now` µs, also without events: see [`Slicer::advance`].
     pub fn advance(&mut self, now: u64, canvas: &mut impl Canvas) -> Result<(), PushError> {
-        let mut pen = Pen::new(&mut self.representation, &mut self.kept, self.geometry, canvas);
-        self.cut.advance(now, |piece| pen.draw(piece));
+        let (cut, mut pen) = Pen::new(self, canvas);
+        cut.advance(now, |piece| pen.draw(piece));
         pen.done
     }
 
     /// The stream has ended at `now` µs: see [`Slicer::finish`].
     pub fn finish(&mut self, now: u64, canvas: &mut impl Canvas) -> Result<(), PushError> {
-        let mut pen = Pen::new(&mut self.representation, &mut self.kept, self.geometry, canvas);
-        self.cut.finish(now, |piece| pen.draw(piece));
+        let (cut, mut pen) = Pen::new(self, canvas);
+        cut.finish(now, |piece| pen.draw(piece));
         pen.done
     }
 }
@@ -368,19 +382,26 @@ impl View {
 struct Pen<'a, C> {
     representation: &'a mut AnyRepresentation,
     kept: &'a mut Option<KeptSlice<Box<[Event]>>>,
+    eraser: Option<&'a mut Eraser<Box<[u32]>>>,
     geometry: Geometry,
     canvas: &'a mut C,
     done: Result<(), PushError>,
 }
 
 impl<'a, C: Canvas> Pen<'a, C> {
-    fn new(
-        representation: &'a mut AnyRepresentation,
-        kept: &'a mut Option<KeptSlice<Box<[Event]>>>,
-        geometry: Geometry,
-        canvas: &'a mut C,
-    ) -> Self {
-        Self { representation, kept, geometry, canvas, done: Ok(()) }
+    fn new(view: &'a mut View, canvas: &'a mut C) -> (&'a mut Cut, Self) {
+        let View { cut, geometry, representation, kept, eraser } = view;
+        if !canvas.keeps() {
+            *eraser = None;
+        } else if eraser.is_none() && representation.is_sparse() {
+            // Without memory for it, tensors are zeroed whole.
+            let shape = representation.shape();
+            let log = zeroed(Eraser::<Box<[u32]>>::state_len(shape));
+            *eraser = log.ok().map(|log| Eraser::new(shape, log));
+        }
+        let pen =
+            Self { representation, kept, eraser: eraser.as_mut(), geometry: *geometry, canvas, done: Ok(()) };
+        (cut, pen)
     }
 
     fn draw(&mut self, piece: Piece<'_>) {
@@ -388,9 +409,10 @@ impl<'a, C: Canvas> Pen<'a, C> {
             self.canvas.begin(window);
         }
         let memory = self.canvas.memory().unwrap_or_default();
+        let mut hand = Hand { representation: self.representation, eraser: self.eraser.as_deref_mut() };
         let drawn = match self.kept.as_mut() {
-            None => self.representation.draw(piece, memory),
-            Some(kept) => draw_kept(self.representation, kept, self.geometry, piece, memory),
+            None => hand.draw(piece, memory),
+            Some(kept) => draw_kept(&mut hand, kept, self.geometry, piece, memory),
         };
         let piece = drawn.unwrap_or_else(|error| {
             self.done = Err(error);
@@ -402,9 +424,21 @@ impl<'a, C: Canvas> Pen<'a, C> {
     }
 }
 
+/// A representation with what it needs to draw.
+struct Hand<'a> {
+    representation: &'a mut AnyRepresentation,
+    eraser: Option<&'a mut Eraser<Box<[u32]>>>,
+}
+
+impl Hand<'_> {
+    fn draw<'a>(&mut self, piece: Piece<'a>, memory: &mut [u8]) -> Result<Piece<'a>, PushError> {
+        self.representation.draw(piece, memory, self.eraser.as_deref_mut())
+    }
+}
+
 /// One piece of a slice that is kept until it ends, and drawn then. Its window is then known.
 fn draw_kept<'a>(
-    representation: &mut AnyRepresentation,
+    hand: &mut Hand<'_>,
     kept: &mut KeptSlice<Box<[Event]>>,
     geometry: Geometry,
     piece: Piece<'a>,
@@ -417,9 +451,9 @@ fn draw_kept<'a>(
             let (window, span) = kept.end(closed.window, geometry);
             let closed = Closed { window, ..closed };
             // All of it, also where the memory is of no use: a surface takes note of the events.
-            let begun = representation.draw(Piece::Begin(window), memory);
-            let drawn = representation.draw(Piece::Events(span), memory);
-            return begun.and(drawn).and(representation.draw(Piece::End(closed), memory));
+            let begun = hand.draw(Piece::Begin(window), memory);
+            let drawn = hand.draw(Piece::Events(span), memory);
+            return begun.and(drawn).and(hand.draw(Piece::End(closed), memory));
         }
     }
     Ok(piece)
@@ -431,15 +465,18 @@ fn draw<'a, R: Representation>(
     representation: &mut R,
     piece: Piece<'a>,
     memory: &mut [u8],
+    eraser: Option<&mut Eraser<Box<[u32]>>>,
 ) -> Result<Piece<'a>, PushError> {
     let (expected, found) = (representation.shape().len() * size_of::<R::Pixel>(), memory.len());
     let pixels = if found == expected { bytemuck::try_cast_slice_mut(memory).ok() } else { None };
     let usable = pixels.is_some() || found == 0;
     let out: &mut [R::Pixel] = pixels.unwrap_or_default();
-    match piece {
-        Piece::Begin(window) => representation.begin(window, out),
-        Piece::Events(span) => representation.accumulate(span, out).map_err(PushError::Geometry)?,
-        Piece::End(_) => representation.finish(out),
+    match (piece, eraser) {
+        (Piece::Begin(window), Some(eraser)) => eraser.begin(representation, window, out),
+        (Piece::Begin(window), None) => representation.begin(window, out),
+        (Piece::Events(span), Some(eraser)) => eraser.accumulate(representation, span, out)?,
+        (Piece::Events(span), None) => representation.accumulate(span, out)?,
+        (Piece::End(_), _) => representation.finish(out),
     }
     if usable { Ok(piece) } else { Err(PushError::Memory { expected, found }) }
 }
@@ -488,9 +525,20 @@ macro_rules! any_representation {
                 }
             }
 
-            fn draw<'a>(&mut self, piece: Piece<'a>, memory: &mut [u8]) -> Result<Piece<'a>, PushError> {
+            fn is_sparse(&self) -> bool {
                 match self {
-                    $(Self::$variant(representation) => draw(representation, piece, memory),)*
+                    $(Self::$variant(representation) => representation.is_sparse(),)*
+                }
+            }
+
+            fn draw<'a>(
+                &mut self,
+                piece: Piece<'a>,
+                memory: &mut [u8],
+                eraser: Option<&mut Eraser<Box<[u32]>>>,
+            ) -> Result<Piece<'a>, PushError> {
+                match self {
+                    $(Self::$variant(representation) => draw(representation, piece, memory, eraser),)*
                 }
             }
         }
@@ -559,6 +607,10 @@ impl<F: FnMut(Closed, &[u8])> Canvas for Offline<F> {
     fn end(&mut self, closed: Closed) {
         let bytes = bytemuck::cast_slice(&self.lines).get(..self.len_bytes).unwrap_or_default();
         (self.each)(closed, bytes);
+    }
+
+    fn keeps(&self) -> bool {
+        true
     }
 }
 
@@ -656,6 +708,59 @@ mod tests {
         assert_eq!((view.older(), view.overflowed()), (1, 1));
         let ages = &bytes[GEOMETRY.pixels()..][..4];
         assert_eq!((bytes[0], ages), (255, [0, 0, 0, 0].as_slice()));
+    }
+
+    /// Memory that is never what it was: nothing is left of the window before.
+    struct Fresh(Vec<Line>, usize, Vec<Vec<u8>>);
+
+    impl Canvas for Fresh {
+        fn begin(&mut self, _: Window) {
+            self.0.fill(Line([0x5A; 64]));
+        }
+
+        fn memory(&mut self) -> Option<&mut [u8]> {
+            Some(&mut bytemuck::cast_slice_mut(&mut self.0)[..self.1])
+        }
+
+        fn end(&mut self, _: Closed) {
+            let tensor = self.memory().unwrap().to_vec();
+            self.2.push(tensor);
+        }
+    }
+
+    /// Windows of few events, of more than the log holds, and of none.
+    #[test]
+    fn memory_that_is_kept_gives_the_same_bytes() {
+        let geometry = Geometry::new(37, 29);
+        let events: Vec<Event> = (0..40_000u32)
+            .map(|i| {
+                let (t, at) =
+                    (i / 8 * (1 + i / 9_000) + i / 16_000 * 9_000, i.wrapping_mul(0x9E37_79B1) >> 8);
+                Event::new(t, (at % 37) as u16, (at / 37 % 29) as u16, Polarity::from_bit(at as u16 >> 5))
+            })
+            .collect();
+        for kind in Kind::ALL {
+            let mut erased = 0;
+            for (period_us, len) in [(20, 7), (70, 4096), (330, 100), (1_500, 4096)] {
+                let mut views =
+                    [0; 2].map(|_| View::try_new(&ViewSpec::new("v", *kind, period_us), geometry).unwrap());
+                let len_bytes = views[0].len_bytes();
+                let mut fresh = Fresh(vec![Line::zeroed(); len_bytes.div_ceil(64)], len_bytes, vec![]);
+                let mut kept = Vec::new();
+                let mut offline = Offline::new(len_bytes, |_, bytes: &[u8]| kept.push(bytes.to_vec()));
+                for events in events.chunks(len) {
+                    let (t_first, t_last) = (events[0].t().into(), events[events.len() - 1].t().into());
+                    let span = Span { t_first, t_last, geometry, events };
+                    views[0].push(span, &mut fresh).unwrap();
+                    views[1].push(span, &mut offline).unwrap();
+                    erased += u32::from(views[1].eraser.as_ref().is_some_and(Eraser::knows));
+                }
+                assert!(kept.len() > 10, "{kind:?} {period_us}");
+                assert!(kept == fresh.2, "{kind:?} {period_us}");
+            }
+            let view = View::try_new(&ViewSpec::new("v", *kind, 10), geometry).unwrap();
+            assert_eq!(erased > 0, view.representation.is_sparse(), "{kind:?}");
+        }
     }
 
     #[test]

@@ -10,10 +10,16 @@
 //! | [`EventFrame`] | 1 x H x W | u8, f32 | sum of signs ±1, or the last one |
 //! | [`VoxelGrid`] | bins x H x W (each polarity apart: 2 bins) | f32 | events of sign ±1, shared between the two nearest bins in time, or in the nearest |
 //! | [`SliceVoxelGrid`] | bins x H x W | f32 | the same with mean 0 and deviation 1 |
+//! | [`StackedHistogram`] | 2 bins x H x W (OFF, ON) | u8 | number of events in each part of the window, up to a cutoff |
+//! | [`MixedDensityStack`] | bins x H x W | f32 | sign of the pixel's last event in the last 1 / 2^i of the window |
+//! | [`EventSpikeTensor`] | 2 bins x H x W (OFF, ON) | f32 | times of events, shared between the two nearest bins |
 //! | [`TimeSurface`] | 2 x H x W (ON, OFF) | f32, f16 | exp(-age / tau), or 1 - age / tau, of the pixel's last event |
 //! | [`IntegerTimeSurface`] | 2 x H x W (ON, OFF) | u8 | 255 times the same, from a table: for microcontrollers |
 //! | [`AveragedTimeSurface`] | 2 x H x W (ON, OFF) | f32 | mean of exp(-age / tau) over the pixel's events |
 //! | [`Mcts`] | 2 N x H x W (OFF, ON) | f32, f16 | 1 - age / w of the pixel's last event for N scales w |
+//! | [`Tore`] | 2 depth x H x W (ON, OFF) | f32 | logarithms of the ages of the pixel's last events |
+//! | [`Sits`] | 2 x H x W (ON, OFF) | u8 | rank of the pixel's last event in its neighbourhood |
+//! | [`Tos`] | 1 x H x W | u8 | order of the newest events of a neighbourhood |
 //! | [`Tencode`] | 3 x H x W (ON, age, OFF) | u8 | polarity and age of the pixel's last event |
 //! | [`SliceCountmask`] | 3 x H x W (ON, any, OFF) | u8 | number of events clipped at a percentile |
 //! | [`SliceRedBlue`] | 3 x H x W (red, green, blue) | u8 | the prevailing polarity, clipped at a percentile |
@@ -28,45 +34,60 @@ mod averaged_time_surface;
 mod binary;
 mod count;
 mod digits;
+mod eraser;
 mod event_frame;
 mod event_image;
+mod event_spike_tensor;
 mod index;
 mod integer_time_surface;
 mod last_event;
 mod mcts;
+mod mixed_density_stack;
 mod parameters;
+mod patches;
 mod pixel;
 mod polarity_histogram;
+mod sits;
 mod slice_countmask;
 mod slice_polarity_histogram;
 mod slice_red_blue;
 mod slice_voxel_grid;
+mod stacked_histogram;
 mod stamps;
 mod tencode;
 mod tile_count;
 mod time_surface;
+mod tore;
+mod tos;
 mod voxel_grid;
 
 pub use averaged_time_surface::AveragedTimeSurface;
 pub use binary::Binary;
 pub use count::Count;
+pub use eraser::Eraser;
 pub use event_frame::{Combine, EventFrame};
 pub use event_image::{EventImage, Palette};
+pub use event_spike_tensor::EventSpikeTensor;
 pub use integer_time_surface::IntegerTimeSurface;
 pub use last_event::{KeptSlice, LastEvent};
 pub use mcts::{Mcts, Scales};
+pub use mixed_density_stack::MixedDensityStack;
 #[cfg(all(feature = "alloc", feature = "serde"))]
 pub(crate) use parameters::for_each_parameter;
 pub use parameters::{List, Parameters};
 pub use pixel::{Dtype, Pixel, Real, Signed, Tally};
 pub use polarity_histogram::PolarityHistogram;
+pub use sits::Sits;
 pub use slice_countmask::{Background, SliceCountmask};
 pub use slice_polarity_histogram::SlicePolarityHistogram;
 pub use slice_red_blue::SliceRedBlue;
 pub use slice_voxel_grid::SliceVoxelGrid;
+pub use stacked_histogram::StackedHistogram;
 pub use tencode::Tencode;
 pub use tile_count::TileCount;
 pub use time_surface::{Decay, TimeSurface};
+pub use tore::Tore;
+pub use tos::Tos;
 pub use voxel_grid::{Interpolation, Polarities, VoxelGrid};
 
 use crate::{Geometry, Representation, Span, WrongGeometry};
@@ -104,6 +125,12 @@ macro_rules! for_each_representation {
             SliceCountmask SliceCountmask $crate::representation::SliceCountmask<$state>;
             SliceRedBlue SliceRedBlue $crate::representation::SliceRedBlue<$state>;
             EventImage EventImage $crate::representation::EventImage<$state>;
+            StackedHistogram StackedHistogram $crate::representation::StackedHistogram;
+            MixedDensityStack MixedDensityStack $crate::representation::MixedDensityStack;
+            EventSpikeTensor EventSpikeTensor $crate::representation::EventSpikeTensor;
+            Tore Tore $crate::representation::Tore<$state>;
+            Sits Sits $crate::representation::Sits<$state>;
+            Tos Tos $crate::representation::Tos<$state>;
         }
     };
 }
@@ -170,6 +197,18 @@ kinds! {
     SliceRedBlue, "slice_red_blue", U8;
     /// [`EventImage`].
     EventImage, "event_image", U8;
+    /// [`StackedHistogram`].
+    StackedHistogram, "stacked_histogram", U8;
+    /// [`MixedDensityStack`].
+    MixedDensityStack, "mixed_density_stack", F32;
+    /// [`EventSpikeTensor`].
+    EventSpikeTensor, "event_spike_tensor", F32;
+    /// [`Tore`].
+    Tore, "tore", F32;
+    /// [`Sits`].
+    Sits, "sits", U8;
+    /// [`Tos`].
+    Tos, "tos", U8;
 }
 
 /// Why a representation cannot be made.

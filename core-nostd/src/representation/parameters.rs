@@ -6,9 +6,14 @@
 macro_rules! for_each_parameter {
     ($then:ident) => {
         $then! {
-            /// Bins of a [`VoxelGrid`](crate::representation::VoxelGrid) or
-            /// [`SliceVoxelGrid`](crate::representation::SliceVoxelGrid), at least 1. Default 5.
-            bins: u16 = 5, VoxelGrid SliceVoxelGrid;
+            /// Bins of a [`VoxelGrid`](crate::representation::VoxelGrid),
+            /// [`SliceVoxelGrid`](crate::representation::SliceVoxelGrid),
+            /// [`StackedHistogram`](crate::representation::StackedHistogram),
+            /// [`MixedDensityStack`](crate::representation::MixedDensityStack) or
+            /// [`EventSpikeTensor`](crate::representation::EventSpikeTensor), at least 1. Default 5.
+            bins: u16 = 5, VoxelGrid SliceVoxelGrid StackedHistogram MixedDensityStack EventSpikeTensor;
+            /// Where the counts of a stacked histogram stop, 1 to 255. Default 10.
+            cutoff: u8 = 10, StackedHistogram;
             /// Planes of a voxel grid's polarities: `"signed"` (default) or `"apart"`.
             polarities: crate::representation::Polarities = crate::representation::Polarities::Signed, VoxelGrid;
             /// Bins that an event of a voxel grid adds to: `"linear"` (default) or `"nearest"`.
@@ -30,6 +35,17 @@ macro_rules! for_each_parameter {
             max_window_us: u32 = 30_000, Mcts;
             /// Scales of an MCTS in µs in place of the five, at most 16 of 1 to 2^30. Default none.
             windows_us: crate::representation::List = crate::representation::List::EMPTY, Mcts;
+            /// Radius of what an event changes on a [`Sits`](crate::representation::Sits) or
+            /// [`Tos`](crate::representation::Tos) in pixels, 1 to 7. Default 3.
+            radius: u16 = 3, Sits Tos;
+            /// Below it, a pixel of a TOS is 0; 1 to 255. Default 241.
+            threshold: u8 = 241, Tos;
+            /// Events of a pixel and polarity that a [`Tore`](crate::representation::Tore) holds, 1 to 16. Default 4.
+            depth: u16 = 4, Tore;
+            /// Ages of a TORE up to here, in µs, are 0. Default 150.
+            age_min_us: u32 = 150, Tore;
+            /// The greatest age of a TORE in µs, up to 2^30. Default 5000000.
+            age_max_us: u32 = 5_000_000, Tore;
             /// Where a [`SliceCountmask`](crate::representation::SliceCountmask) or
             /// [`SliceRedBlue`](crate::representation::SliceRedBlue) clips counts, 0 to 100. Default 99.
             percentile: u8 = 99, SliceCountmask SliceRedBlue;

@@ -62,6 +62,10 @@ impl<P: Tally> Representation for PolarityHistogram<P> {
     }
 
     fn finish(&mut self, _: &mut [P]) {}
+
+    fn is_sparse(&self) -> bool {
+        true
+    }
 }
 
 /// Counts events; returns how many could not be.

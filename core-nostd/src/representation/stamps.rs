@@ -73,6 +73,11 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Stamps<S> {
         );
     }
 
+    /// The open window and the map, for those that keep more than the last time of an element.
+    pub(super) fn map_mut(&mut self) -> (Window, &mut [u32]) {
+        (self.window, self.map.as_mut())
+    }
+
     /// With these times, at the end of a window.
     #[cfg(test)]
     pub(super) fn at(t1: u64, map: S) -> Self {

@@ -105,10 +105,32 @@ impl Clock {
         Self { t0: window.t0 as u32, length, bins_per_us: intervals / length.max(1) as f32, last: intervals }
     }
 
+    /// How far into the window an event lies, in µs.
+    #[inline(always)]
+    fn age(&self, event: Event) -> i32 {
+        (event.t().wrapping_sub(self.t0) as i32).max(0).min(self.length)
+    }
+
     /// The bin at or before the event and the share of the one after it.
     #[inline(always)]
     fn bin(&self, event: Event) -> (u32, f32) {
-        let age = (event.t().wrapping_sub(self.t0) as i32).max(0).min(self.length);
+        self.bin_at(self.age(event))
+    }
+
+    /// The bins of events, and the one after the last, as bits: see [`Representation::planes`].
+    fn planes(&self, events: &[Event]) -> u16 {
+        let ages = events.iter().map(|event| self.age(*event));
+        let (first, last) = ages.fold((i32::MAX, 0), |(first, last), age| (age.min(first), age.max(last)));
+        let (first, last) = (self.bin_at(first).0, self.bin_at(last).0 + 1);
+        if last.wrapping_sub(first) >= 15 {
+            return u16::MAX;
+        }
+        let bits = (2u32 << last.wrapping_sub(first)) - 1;
+        (bits as u16).rotate_left(first % 16)
+    }
+
+    #[inline(always)]
+    fn bin_at(&self, age: i32) -> (u32, f32) {
         let position = (age as f32 * self.bins_per_us).min(self.last);
         // The whole number nearest to half below; at a tie either will do, since one of the two shares is 0 then.
         let rounded = (position - 0.5).max(0.0) + ROUND;
@@ -119,8 +141,7 @@ impl Clock {
     /// The bin nearest to the event.
     #[inline(always)]
     fn nearest(&self, event: Event) -> u32 {
-        let age = (event.t().wrapping_sub(self.t0) as i32).max(0).min(self.length);
-        (age as f32 * self.bins_per_us + ROUND).to_bits() & 0xFFFF
+        (self.age(event) as f32 * self.bins_per_us + ROUND).to_bits() & 0xFFFF
     }
 }
 
@@ -137,7 +158,7 @@ impl Representation for VoxelGrid {
     }
 
     fn begin(&mut self, window: Window, out: &mut [f32]) {
-        self.clock = Clock::new(window, self.bins);
+        self.begin_blank(window);
         out.fill(0.0);
     }
 
@@ -155,6 +176,22 @@ impl Representation for VoxelGrid {
     }
 
     fn finish(&mut self, _: &mut [f32]) {}
+
+    fn is_sparse(&self) -> bool {
+        true
+    }
+
+    fn begin_blank(&mut self, window: Window) {
+        self.clock = Clock::new(window, self.bins);
+    }
+
+    fn planes(&self, events: &[Event]) -> u16 {
+        let planes = self.clock.planes(events);
+        match self.polarities {
+            Polarities::Signed => planes,
+            Polarities::Apart => planes | planes.rotate_left(u32::from(self.bins) % 16),
+        }
+    }
 }
 
 /// Where events go and with what sign.

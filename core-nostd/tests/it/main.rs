@@ -10,11 +10,13 @@ mod link;
 mod merge;
 mod representation;
 mod representation_oracles;
+mod representation_stacks;
 mod round_trip;
 #[cfg(feature = "alloc")]
 mod simulation;
 mod slice;
 mod streams;
+mod tensor;
 mod transform;
 mod truth;
 mod window;

@@ -12,7 +12,7 @@ use proptest::prelude::*;
 const PERIOD_US: u32 = 5_000;
 
 /// Checks every element of every window within `tolerance` of what `oracle` gives; it sees the windows in order.
-fn check<R: Representation<Pixel: Into<f64>>>(
+pub fn check<R: Representation<Pixel: Into<f64>>>(
     mut stage: R,
     events: &[Timed],
     tolerance: f64,
@@ -32,7 +32,7 @@ fn check<R: Representation<Pixel: Into<f64>>>(
 }
 
 /// Age from the window's end; what is older than the window counts at its start.
-fn age(window: Window, timed: &Timed) -> f64 {
+pub fn age(window: Window, timed: &Timed) -> f64 {
     (window.t1 - timed.t.max(window.t0)) as f64
 }
 
@@ -79,7 +79,7 @@ fn tencode(geometry: Geometry) -> Tencode<Vec<u32>> {
     Tencode::try_new(geometry, state(geometry.pixels().div_ceil(2))).unwrap()
 }
 
-fn state(len: usize) -> Vec<u32> {
+pub fn state(len: usize) -> Vec<u32> {
     vec![0xDEAD_BEEF; len]
 }
 

@@ -14,6 +14,7 @@ mod link;
 mod representations;
 mod rings;
 mod slices;
+mod tensor;
 mod transforms;
 mod wire;
 
@@ -55,6 +56,7 @@ pub extern "C" fn lobula_proof(list: usize, index: usize) -> *const () {
         representations::EXPORTS,
         rings::EXPORTS,
         link::EXPORTS,
+        tensor::EXPORTS,
         PLANTED,
     ];
     let export = lists.get(list).and_then(|list| list.get(index));

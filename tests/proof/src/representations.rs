@@ -2,7 +2,7 @@
 
 use crate::export;
 use crate::export::{Export, slice_mut};
-use lobula_core::representation::{BadRepresentation, Build, LastEvent, Parameters, Tencode};
+use lobula_core::representation::{BadRepresentation, Build, Eraser, LastEvent, Parameters, Tencode};
 use lobula_core::{
     BadPeriod, CountSlicer, Event, Geometry, Piece, Representation, Shape, Slicer, Span, Window, WrongGeometry,
     for_each_representation,
@@ -72,6 +72,25 @@ unsafe fn view<R: Representation>(
     slicer.advance(now, &mut each);
 }
 
+/// A window in memory that was kept.
+unsafe fn erased<R: Representation>(
+    stage: *mut R,
+    eraser: *mut Eraser<State>,
+    span: *const Span<'_>,
+    out: (*mut R::Pixel, usize),
+) -> Result<(), WrongGeometry> {
+    // SAFETY: the caller's promise.
+    let (stage, eraser, span, out) = unsafe { (&mut *stage, &mut *eraser, *span, slice_mut(out.0, out.1)) };
+    eraser.begin(stage, Window { t0: span.t_first, t1: span.t_last }, out);
+    eraser.accumulate(stage, span, out)
+}
+
+unsafe fn eraser(at: *mut Eraser<State>, shape: Shape, log: (*mut u32, usize)) -> usize {
+    // SAFETY: the caller's promise.
+    unsafe { at.write(Eraser::new(shape, slice_mut(log.0, log.1))) };
+    Eraser::<State>::state_len(shape)
+}
+
 unsafe fn end(slicer: *mut Slicer, now: u64, done: extern "C" fn(u64, u64)) {
     let each = |piece: Piece<'_>| {
         if let Piece::End(closed) = piece {
@@ -125,6 +144,7 @@ macro_rules! representations {
         pub const EXPORTS: &[Export] = &[
             export!(slicer),
             export!(end),
+            export!(eraser),
             export!(count),
             export!(keep),
             export!(begin::<Kept>),
@@ -136,6 +156,7 @@ macro_rules! representations {
                 export!(begin::<$type>),
                 export!(accumulate::<$type>),
                 export!(finish::<$type>),
+                export!(erased::<$type>),
                 export!(view::<$type>),
             )+
         ];
