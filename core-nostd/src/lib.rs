@@ -43,6 +43,7 @@ pub mod pipeline;
 mod count_slicer;
 pub mod math;
 pub mod representation;
+pub mod statistics;
 pub mod tensor;
 pub mod vector;
 mod window;

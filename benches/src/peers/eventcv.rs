@@ -186,7 +186,9 @@ impl EventCv {
             Op::PixelDropout => stream("pixel_dropout", |all| all.pixel_dropout(0.1, 0)),
             Op::SpatialJitter => stream("spatial_jitter", |all| all.spatial_jitter(1.0, 0)),
             Op::SortByTime => stream("sort_by_time", |all| all.sort_by_time()),
-            Op::Evt3Decode | Op::Evt2Decode | Op::Evt21Decode | Op::Voxel5Share | Op::ReplayVoxel5 => return None,
+            Op::Evt3Decode | Op::Evt2Decode | Op::Evt21Decode | Op::Voxel5Share | Op::ReplayVoxel5 => {
+                return None;
+            }
             Op::Denoise | Op::Stcf | Op::DoubleWindow | Op::Trail | Op::Inceptive => return None,
             Op::LeakyHotPixel | Op::AntiFlicker | Op::RateLimit => return None,
             Op::FilePolarity | Op::FileVoxel5 | Op::FileTimeSurface => return None, // see `fused`

@@ -79,7 +79,7 @@ impl Resize {
         check(self.from.len(), input.len())?;
         check(self.shape().len(), output.len())?;
         let (width, to) = (self.from.width.max(1), self.shape());
-        let planes = input.chunks(width * self.from.height.max(1));
+        let planes = input.chunks((width * self.from.height).max(1));
         for (input, output) in planes.zip(output.chunks_mut((to.height * to.width).max(1))) {
             let plane = Plane { elements: input, width };
             widest(
@@ -96,7 +96,7 @@ impl Resize {
 
     #[inline(always)]
     fn nearest<I: Element, O: Element>(&self, input: Plane<'_, I>, output: &mut [O]) {
-        for (out, y) in output.chunks_mut(self.columns.len()).zip(self.rows.centres()) {
+        for (out, y) in output.chunks_mut(self.columns.len().max(1)).zip(self.rows.centres()) {
             let row = input.row(y);
             for (pixel, x) in out.iter_mut().zip(self.columns.centres()) {
                 *pixel = O::from_real(at(row, x));
@@ -106,7 +106,7 @@ impl Resize {
 
     #[inline(always)]
     fn bilinear<I: Element, O: Element>(&self, input: Plane<'_, I>, output: &mut [O]) {
-        for (out, (y, down)) in output.chunks_mut(self.columns.len()).zip(self.rows.pairs()) {
+        for (out, (y, down)) in output.chunks_mut(self.columns.len().max(1)).zip(self.rows.pairs()) {
             let upper = input.row(y);
             let lower = if y + 1 < self.rows.from as usize { input.row(y + 1) } else { upper };
             for (pixel, (x, right)) in out.iter_mut().zip(self.columns.pairs()) {
@@ -120,7 +120,7 @@ impl Resize {
     #[inline(always)]
     fn area<I: Element, O: Element>(&self, input: Plane<'_, I>, output: &mut [O]) {
         let share = self.rows.shrinkage() * self.columns.shrinkage();
-        for (out, rows) in output.chunks_mut(self.columns.len()).zip(self.rows.covers()) {
+        for (out, rows) in output.chunks_mut(self.columns.len().max(1)).zip(self.rows.covers()) {
             let mut columns = self.columns.covers();
             let mut from = 0;
             for tile in out.chunks_mut(TILE) {

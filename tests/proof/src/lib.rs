@@ -14,6 +14,7 @@ mod link;
 mod representations;
 mod rings;
 mod slices;
+mod statistics;
 mod tensor;
 mod transforms;
 mod wire;
@@ -53,6 +54,7 @@ pub extern "C" fn lobula_proof(list: usize, index: usize) -> *const () {
         transforms::EXPORTS,
         transforms::AUGMENTATIONS,
         slices::EXPORTS,
+        statistics::EXPORTS,
         representations::EXPORTS,
         rings::EXPORTS,
         link::EXPORTS,

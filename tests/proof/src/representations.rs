@@ -4,8 +4,8 @@ use crate::export;
 use crate::export::{Export, slice_mut};
 use lobula_core::representation::{BadRepresentation, Build, Eraser, LastEvent, Parameters, Tencode};
 use lobula_core::{
-    BadPeriod, CountSlicer, Event, Geometry, Piece, Representation, Shape, Slicer, Span, Window, WrongGeometry,
-    for_each_representation,
+    BadPeriod, CountSlicer, Event, Geometry, Piece, Representation, Shape, Slicer, Span, Window,
+    WrongGeometry, for_each_representation,
 };
 
 type State = &'static mut [u32];

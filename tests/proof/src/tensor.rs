@@ -2,7 +2,9 @@
 
 use crate::export;
 use crate::export::{Export, slice, slice_mut};
-use lobula_core::tensor::{BadTensor, Element, Histogram, Method, Quantise, Resize, Size, maximum, percentile};
+use lobula_core::tensor::{
+    BadTensor, Element, Histogram, Method, Quantise, Resize, Size, maximum, percentile,
+};
 use lobula_core::{Shape, f16};
 
 unsafe fn make(at: *mut Resize, from: Shape, to: Size, method: Method) -> Result<Shape, BadTensor> {
