@@ -135,7 +135,8 @@ fn fade(now: u32, tau_us: u32, map: &[u32], colours: [[u8; 3]; 3], mut channels:
         for (at, channel) in channels.iter_mut().enumerate() {
             let [none, on, off] =
                 colours.map(|colour| f32::from(colour.get(at).copied().unwrap_or_default()));
-            let (out, rest) = core::mem::take(channel).split_at_mut_checked(map.len()).unwrap_or_default();
+            let left = core::mem::take(channel);
+            let (out, rest) = left.split_at_mut(map.len().min(left.len()));
             for (out, (last, share)) in out.iter_mut().zip(map.iter().zip(&shares)) {
                 let colour = if *last & 1 == 0 { off - none } else { on - none };
                 // Rounded into the lowest bits, which is quicker than a conversion.
