@@ -3,7 +3,7 @@
 //! The law for every implementer is chunk invariance: any split of the input gives the same output.
 
 use crate::{Block, Counters, Event, Geometry, Sink, Span, Trigger, WrongGeometry};
-use bytemuck::Pod;
+use bytemuck::{Pod, Zeroable};
 
 /// Bytes of a camera in, events out. Infallible, resumable at any byte.
 ///
@@ -233,8 +233,11 @@ pub trait Representation {
     /// Extent of the tensor, row-major.
     fn shape(&self) -> Shape;
 
-    /// A window opens.
-    fn begin(&mut self, window: Window, out: &mut [Self::Pixel]);
+    /// A window opens. What is given is for [sparse](Self::is_sparse) tensors and zeroes `out`.
+    fn begin(&mut self, window: Window, out: &mut [Self::Pixel]) {
+        self.begin_blank(window);
+        out.fill(Self::Pixel::zeroed());
+    }
 
     /// Events of the open window, in stream order.
     fn accumulate(&mut self, span: Span<'_>, out: &mut [Self::Pixel]) -> Result<(), WrongGeometry>;

@@ -81,144 +81,85 @@ pub trait Stamp: Copy + Pod + Default + PartialEq + core::fmt::Debug + sealed::S
     fn less(self, dt: i32) -> Self;
 }
 
-impl Stamp for u32 {
-    const BITS: u32 = 32;
-    const SHIFT_MAX: u8 = 0;
+/// The words differ in their width, their longest tick, and how an event's time becomes one.
+macro_rules! stamp {
+    ($word:ident, $signed:ident, $shift_max:literal, |$clock:pat_param, $t_us:ident| $stamp:expr) => {
+        impl Stamp for $word {
+            const BITS: u32 = $word::BITS;
+            const SHIFT_MAX: u8 = $shift_max;
 
-    #[inline]
-    fn of(ticks: u64) -> Self {
-        ticks as u32
-    }
+            #[inline]
+            fn of(ticks: u64) -> Self {
+                ticks as Self
+            }
 
-    #[inline]
-    fn stamp(_: &Clock<Self>, t_us: u32) -> Self {
-        t_us
-    }
+            #[inline]
+            fn stamp($clock: &Clock<Self>, $t_us: u32) -> Self {
+                $stamp
+            }
 
-    #[inline]
-    fn clamp(entries: &mut [Self], start: u64) {
-        let start = Self::of(start);
-        for entry in entries {
-            *entry = start.wrapping_sub(start.wrapping_sub(*entry).min(Self::AGE_MAX as Self));
+            #[inline]
+            fn clamp(entries: &mut [Self], start: u64) {
+                let start = Self::of(start);
+                for entry in entries {
+                    *entry = start.wrapping_sub(start.wrapping_sub(*entry).min(Self::AGE_MAX as Self));
+                }
+            }
+
+            #[inline]
+            fn age(self, then: Self) -> i32 {
+                self.wrapping_sub(then) as $signed as i32
+            }
+
+            #[inline(always)]
+            fn margin(self, dt: i32, then: Self) -> i32 {
+                then.wrapping_sub(self.wrapping_sub(dt as Self)) as $signed as i32
+            }
+
+            #[inline]
+            fn bit(self, place: u32) -> bool {
+                self.wrapping_shr(place) & 1 == 1
+            }
+
+            #[inline]
+            fn with_bit(self, place: u32, bit: bool) -> Self {
+                (self & !Self::wrapping_shl(1, place)) | Self::wrapping_shl(bit as Self, place)
+            }
+
+            #[inline(always)]
+            fn three_bits(self, next: Self, place: u32) -> u32 {
+                let both = self as u64 | (next as u64) << Self::BITS;
+                (both.wrapping_shr(place) & 7) as u32
+            }
+
+            #[inline(always)]
+            fn is_before(self, floor: Self) -> Self {
+                self.wrapping_sub(floor) >> (Self::BITS - 1)
+            }
+
+            #[inline(always)]
+            fn plus(self, other: Self) -> Self {
+                self.wrapping_add(other)
+            }
+
+            #[inline(always)]
+            fn number(self) -> u32 {
+                self as u32
+            }
+
+            #[inline(always)]
+            fn less(self, dt: i32) -> Self {
+                self.wrapping_sub(dt as Self)
+            }
         }
-    }
-
-    #[inline]
-    fn age(self, then: Self) -> i32 {
-        self.wrapping_sub(then) as i32
-    }
-
-    #[inline(always)]
-    fn margin(self, dt: i32, then: Self) -> i32 {
-        then.wrapping_sub(self.wrapping_sub(dt as u32)) as i32
-    }
-
-    #[inline]
-    fn bit(self, place: u32) -> bool {
-        self.wrapping_shr(place) & 1 == 1
-    }
-
-    #[inline]
-    fn with_bit(self, place: u32, bit: bool) -> Self {
-        (self & !Self::wrapping_shl(1, place)) | Self::wrapping_shl(bit as Self, place)
-    }
-
-    #[inline(always)]
-    fn three_bits(self, next: Self, place: u32) -> u32 {
-        let both = self as u64 | (next as u64) << Self::BITS;
-        (both.wrapping_shr(place) & 7) as u32
-    }
-
-    #[inline(always)]
-    fn is_before(self, floor: Self) -> Self {
-        self.wrapping_sub(floor) >> (Self::BITS - 1)
-    }
-
-    #[inline(always)]
-    fn plus(self, other: Self) -> Self {
-        self.wrapping_add(other)
-    }
-
-    #[inline(always)]
-    fn number(self) -> u32 {
-        self
-    }
-
-    #[inline(always)]
-    fn less(self, dt: i32) -> Self {
-        self.wrapping_sub(dt as Self)
-    }
+    };
 }
 
-impl Stamp for u16 {
-    const BITS: u32 = 16;
-    // A cell of 2^13 ticks must be no longer than 2^31 µs, the most that a block spans.
-    const SHIFT_MAX: u8 = 18;
-
-    #[inline]
-    fn of(ticks: u64) -> Self {
-        ticks as u16
-    }
-
-    #[inline]
-    fn stamp(clock: &Clock<Self>, t_us: u32) -> Self {
-        clock.origin.wrapping_add((t_us.wrapping_sub(clock.origin_us) >> clock.shift) as u16)
-    }
-
-    #[inline]
-    fn clamp(entries: &mut [Self], start: u64) {
-        let start = Self::of(start);
-        for entry in entries {
-            *entry = start.wrapping_sub(start.wrapping_sub(*entry).min(Self::AGE_MAX as Self));
-        }
-    }
-
-    #[inline]
-    fn age(self, then: Self) -> i32 {
-        self.wrapping_sub(then) as i16 as i32
-    }
-
-    #[inline(always)]
-    fn margin(self, dt: i32, then: Self) -> i32 {
-        then.wrapping_sub(self.wrapping_sub(dt as u16)) as i16 as i32
-    }
-
-    #[inline]
-    fn bit(self, place: u32) -> bool {
-        self.wrapping_shr(place) & 1 == 1
-    }
-
-    #[inline]
-    fn with_bit(self, place: u32, bit: bool) -> Self {
-        (self & !Self::wrapping_shl(1, place)) | Self::wrapping_shl(bit as Self, place)
-    }
-
-    #[inline(always)]
-    fn three_bits(self, next: Self, place: u32) -> u32 {
-        let both = self as u64 | (next as u64) << Self::BITS;
-        (both.wrapping_shr(place) & 7) as u32
-    }
-
-    #[inline(always)]
-    fn is_before(self, floor: Self) -> Self {
-        self.wrapping_sub(floor) >> (Self::BITS - 1)
-    }
-
-    #[inline(always)]
-    fn plus(self, other: Self) -> Self {
-        self.wrapping_add(other)
-    }
-
-    #[inline(always)]
-    fn number(self) -> u32 {
-        self as u32
-    }
-
-    #[inline(always)]
-    fn less(self, dt: i32) -> Self {
-        self.wrapping_sub(dt as Self)
-    }
-}
+stamp!(u32, i32, 0, |_, t_us| t_us);
+// A cell of 2^13 ticks must be no longer than 2^31 µs, the most that a block spans: hence ticks of 2^18 µs at most.
+stamp!(u16, i16, 18, |clock, t_us| clock
+    .origin
+    .wrapping_add((t_us.wrapping_sub(clock.origin_us) >> clock.shift) as u16));
 
 /// What turns an event's 32-bit time into a stamp, valid within one run of events.
 #[derive(Clone, Copy, Debug)]

@@ -2,7 +2,7 @@
 
 use super::chance::ratio;
 use super::{Kind, Seed};
-use crate::transform::{TransformError, select};
+use crate::transform::{TransformError, is_within, select};
 use crate::{Block, Geometry, Transform, Unfit, Window};
 
 /// Parameters of [`DropByTime`].
@@ -62,18 +62,13 @@ impl Transform for DropByTime {
     }
 
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
-        let anchor = block.t_first;
-        let offset = |t: u64| (i128::from(t) - i128::from(anchor)).clamp(-(1 << 40), 1 << 40) as i64;
-        let (low, high) = (offset(self.dropped.t0), offset(self.dropped.t1));
+        let is_within = is_within(self.dropped, block.t_first);
         Ok(select(
             block,
             self.geometry,
             self.geometry,
             #[inline(always)]
-            |word, _| {
-                let t = i64::from((word as u32).wrapping_sub(anchor as u32) as i32);
-                (word, (t < low) | (t >= high))
-            },
+            |word, _| (word, !is_within(word)),
         )?)
     }
 }

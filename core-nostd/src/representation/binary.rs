@@ -3,7 +3,7 @@
 use crate::representation::index::{Draw, Places, draw_each};
 use crate::representation::{BadRepresentation, Build, Parameters, check};
 use crate::vector::widest;
-use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
+use crate::{Event, Geometry, Representation, Shape, Span, WrongGeometry};
 
 /// 1 where a pixel had an event of either polarity, 0 else: 1 x H x W of u8.
 ///
@@ -37,10 +37,6 @@ impl Representation for Binary {
 
     fn shape(&self) -> Shape {
         Shape { channels: 1, height: self.geometry.height.into(), width: self.geometry.width.into() }
-    }
-
-    fn begin(&mut self, _: Window, out: &mut [u8]) {
-        out.fill(0);
     }
 
     fn accumulate(&mut self, span: Span<'_>, out: &mut [u8]) -> Result<(), WrongGeometry> {

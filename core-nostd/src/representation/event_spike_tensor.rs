@@ -87,11 +87,6 @@ impl Representation for EventSpikeTensor {
         }
     }
 
-    fn begin(&mut self, window: Window, out: &mut [f32]) {
-        self.begin_blank(window);
-        out.fill(0.0);
-    }
-
     fn accumulate(&mut self, span: Span<'_>, out: &mut [f32]) -> Result<(), WrongGeometry> {
         check(self.geometry, &span)?;
         let pixels = self.geometry.pixels();

@@ -84,11 +84,6 @@ impl Representation for MixedDensityStack {
         }
     }
 
-    fn begin(&mut self, window: Window, out: &mut [f32]) {
-        self.begin_blank(window);
-        out.fill(0.0);
-    }
-
     fn accumulate(&mut self, span: Span<'_>, out: &mut [f32]) -> Result<(), WrongGeometry> {
         check(self.geometry, &span)?;
         let mut stacking = Stacking { halves: self.halves, pixels: self.geometry.pixels() };

@@ -6,7 +6,7 @@ use crate::representation::index::{Places, draw_each};
 use crate::representation::pixel::Counting;
 use crate::representation::{BadRepresentation, Build, Parameters, Tally, check};
 use crate::vector::widest;
-use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
+use crate::{Event, Geometry, Representation, Shape, Span, WrongGeometry};
 
 /// Number of events of each pixel by polarity: 2 x H x W (ON, OFF) of u8, u16 or f32.
 ///
@@ -45,10 +45,6 @@ impl<P: Tally> Representation for PolarityHistogram<P> {
 
     fn shape(&self) -> Shape {
         Shape { channels: 2, height: self.geometry.height.into(), width: self.geometry.width.into() }
-    }
-
-    fn begin(&mut self, _: Window, out: &mut [P]) {
-        out.fill(P::zeroed());
     }
 
     fn accumulate(&mut self, span: Span<'_>, out: &mut [P]) -> Result<(), WrongGeometry> {

@@ -83,11 +83,6 @@ impl Representation for StackedHistogram {
         }
     }
 
-    fn begin(&mut self, window: Window, out: &mut [u8]) {
-        self.begin_blank(window);
-        out.fill(0);
-    }
-
     fn accumulate(&mut self, span: Span<'_>, out: &mut [u8]) -> Result<(), WrongGeometry> {
         check(self.geometry, &span)?;
         let pixels = self.geometry.pixels() as u32;

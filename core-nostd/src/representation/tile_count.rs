@@ -3,7 +3,7 @@
 use core::marker::PhantomData;
 
 use crate::representation::{BadRepresentation, Build, Parameters, Tally, check};
-use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
+use crate::{Geometry, Representation, Shape, Span, WrongGeometry};
 
 /// Number of events of each square tile, of either polarity: 1 x ceil(H / tile) x ceil(W / tile) of u16 or f32.
 ///
@@ -55,10 +55,6 @@ impl<P: Tally> Representation for TileCount<P> {
     fn shape(&self) -> Shape {
         let Geometry { width, height } = self.geometry;
         Shape { channels: 1, height: self.tiles(height), width: self.tiles(width) }
-    }
-
-    fn begin(&mut self, _: Window, out: &mut [P]) {
-        out.fill(P::zeroed());
     }
 
     fn accumulate(&mut self, span: Span<'_>, out: &mut [P]) -> Result<(), WrongGeometry> {

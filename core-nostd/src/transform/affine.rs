@@ -1,8 +1,7 @@
 //! Affine maps: any mix of translation, rotation, scale and shear.
 
 use super::TransformError;
-use super::pixels::{select, x_of, y_of};
-use super::real::{ends, place, real};
+use super::real::{check_matrix, remap};
 use crate::{Block, Geometry, Transform, Unfit};
 
 /// Parameters of [`Affine`].
@@ -33,10 +32,8 @@ pub struct Affine {
 impl Affine {
     /// An affine map of a sensor's events.
     pub fn try_new(geometry: Geometry, params: AffineParams) -> Result<Self, TransformError> {
-        match params.matrix.iter().flatten().all(|number| number.is_finite()) {
-            true => Ok(Self { geometry, params }),
-            false => Err(TransformError::NotFinite { key: "matrix" }),
-        }
+        check_matrix(&params.matrix)?;
+        Ok(Self { geometry, params })
     }
 }
 
@@ -46,16 +43,12 @@ impl Transform for Affine {
     }
 
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
-        let ([[a, b, c], [d, e, f]], ends) = (self.params.matrix, ends(self.geometry));
-        Ok(select(
+        let [[a, b, c], [d, e, f]] = self.params.matrix;
+        Ok(remap(
             block,
             self.geometry,
-            self.geometry,
             #[inline(always)]
-            |word, _| {
-                let (x, y) = (real(x_of(word)), real(y_of(word)));
-                place(word, (a * x + b * y + c, d * x + e * y + f), ends)
-            },
+            |x, y| (a * x + b * y + c, d * x + e * y + f),
         )?)
     }
 }

@@ -1,8 +1,7 @@
 //! Perspective maps: what a plane does as a camera moves before it.
 
 use super::TransformError;
-use super::pixels::{select, x_of, y_of};
-use super::real::{ends, place, real};
+use super::real::{check_matrix, remap};
 use crate::{Block, Geometry, Transform, Unfit};
 
 /// Parameters of [`Perspective`].
@@ -34,10 +33,8 @@ pub struct Perspective {
 impl Perspective {
     /// A perspective map of a sensor's events.
     pub fn try_new(geometry: Geometry, params: PerspectiveParams) -> Result<Self, TransformError> {
-        match params.matrix.iter().flatten().all(|number| number.is_finite()) {
-            true => Ok(Self { geometry, params }),
-            false => Err(TransformError::NotFinite { key: "matrix" }),
-        }
+        check_matrix(&params.matrix)?;
+        Ok(Self { geometry, params })
     }
 }
 
@@ -47,17 +44,15 @@ impl Transform for Perspective {
     }
 
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
-        let ([[a, b, c], [d, e, f], [g, h, i]], ends) = (self.params.matrix, ends(self.geometry));
-        Ok(select(
+        let [[a, b, c], [d, e, f], [g, h, i]] = self.params.matrix;
+        Ok(remap(
             block,
             self.geometry,
-            self.geometry,
             #[inline(always)]
-            |word, _| {
-                let (x, y) = (real(x_of(word)), real(y_of(word)));
+            |x, y| {
                 let w = g * x + h * y + i;
                 // Where w is 0 the quotients are infinite, or no numbers: off the sensor.
-                place(word, ((a * x + b * y + c) / w, (d * x + e * y + f) / w), ends)
+                ((a * x + b * y + c) / w, (d * x + e * y + f) / w)
             },
         )?)
     }

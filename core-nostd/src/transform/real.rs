@@ -1,6 +1,8 @@
 //! Pixels to real coordinates and back, in f64 by `+ - * /` alone: the same bits on every machine, in vectors too.
 
-use super::pixels::at;
+use super::TransformError;
+use super::pixels::{X_MAX, Y_MAX, at, select, x_of, y_of};
+use crate::{Block, Geometry, WrongGeometry};
 
 /// 2^52: a whole number below it in the low bits of a float of this magnitude is that number added to it.
 const WHOLE: f64 = 4_503_599_627_370_496.0;
@@ -32,19 +34,44 @@ pub(super) fn nearest(value: f64) -> u64 {
 pub(super) fn place(word: u64, (x, y): (f64, f64), (x_end, y_end): (f64, f64)) -> (u64, bool) {
     let on = (x > -0.5) & (x < x_end) & (y > -0.5) & (y < y_end);
     // Off the sensor they may be anything, and must not reach into the bits beside them.
-    (at(word, nearest(x) & super::pixels::X_MAX, nearest(y) & super::pixels::Y_MAX), on)
+    (at(word, nearest(x) & X_MAX, nearest(y) & Y_MAX), on)
 }
 
 /// The event moved by (dx, dy), likewise.
 #[inline(always)]
-pub(crate) fn place_near(word: u64, (dx, dy): (f64, f64), geometry: crate::Geometry) -> (u64, bool) {
-    let (x, y) = (real(super::pixels::x_of(word)), real(super::pixels::y_of(word)));
+pub(crate) fn place_near(word: u64, (dx, dy): (f64, f64), geometry: Geometry) -> (u64, bool) {
+    let (x, y) = (real(x_of(word)), real(y_of(word)));
     place(word, (x + dx, y + dy), ends(geometry))
+}
+
+/// Moves the events of a sensor's block to where `map` moves their pixels, and drops what leaves the sensor.
+#[inline(always)]
+pub(super) fn remap(
+    block: &mut Block<'_>,
+    geometry: Geometry,
+    map: impl Fn(f64, f64) -> (f64, f64),
+) -> Result<usize, WrongGeometry> {
+    let ends = ends(geometry);
+    select(
+        block,
+        geometry,
+        geometry,
+        #[inline(always)]
+        |word, _| place(word, map(real(x_of(word)), real(y_of(word))), ends),
+    )
+}
+
+/// Refuses a matrix with an entry that is no finite number.
+pub(super) fn check_matrix(rows: &[[f64; 3]]) -> Result<(), TransformError> {
+    match rows.iter().flatten().all(|number| number.is_finite()) {
+        true => Ok(()),
+        false => Err(TransformError::NotFinite { key: "matrix" }),
+    }
 }
 
 /// Half a pixel beyond the last column and row.
 #[inline(always)]
-pub(super) fn ends(geometry: crate::Geometry) -> (f64, f64) {
+pub(super) fn ends(geometry: Geometry) -> (f64, f64) {
     (real(geometry.width.into()) - 0.5, real(geometry.height.into()) - 0.5)
 }
 

@@ -2,7 +2,7 @@
 
 use super::TransformError;
 use super::pixels::select;
-use crate::{Block, Geometry, Transform, Unfit};
+use crate::{Block, Geometry, Transform, Unfit, Window};
 
 /// Parameters of [`TimeWindow`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,18 +51,26 @@ impl Transform for TimeWindow {
     }
 
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
-        let anchor = block.t_first;
-        let offset = |t: u64| (i128::from(t) - i128::from(anchor)).clamp(-(1 << 40), 1 << 40) as i64;
-        let (low, high) = (offset(self.params.t0_us), offset(self.params.t1_us));
+        let window = Window { t0: self.params.t0_us, t1: self.params.t1_us };
+        let is_within = is_within(window, block.t_first);
         Ok(select(
             block,
             self.geometry,
             self.geometry,
             #[inline(always)]
-            |word, _| {
-                let t = i64::from((word as u32).wrapping_sub(anchor as u32) as i32);
-                (word, (t >= low) & (t < high))
-            },
+            |word, _| (word, is_within(word)),
         )?)
+    }
+}
+
+/// Whether an event's word, of a block with this anchor, is of the window.
+#[inline(always)]
+pub(crate) fn is_within(window: Window, anchor: u64) -> impl Fn(u64) -> bool {
+    let offset = |t: u64| (i128::from(t) - i128::from(anchor)).clamp(-(1 << 40), 1 << 40) as i64;
+    let (low, high) = (offset(window.t0), offset(window.t1));
+    #[inline(always)]
+    move |word| {
+        let t = i64::from((word as u32).wrapping_sub(anchor as u32) as i32);
+        (t >= low) & (t < high)
     }
 }
