@@ -82,6 +82,8 @@ pub use info::{Summary, WithDigest};
 pub use large::LargeArray;
 pub use limits::Limits;
 pub use load::Loaded;
+#[cfg(feature = "tables")]
+pub use numpy::TensorWriter;
 pub use open::{Column, Columns, FORMATS, Format, OpenOptions, TimeUnit, open, open_with};
 pub use raw::Payload;
 pub use recording::{Blocks, Chunk, Part, Recording};

@@ -29,7 +29,10 @@ mod cursor;
 mod dtype;
 mod header;
 mod table;
+mod tensors;
 mod write;
+
+pub use tensors::TensorWriter;
 
 /// Its line in the table of formats.
 pub(crate) const FORMAT: Format =

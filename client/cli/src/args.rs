@@ -105,6 +105,17 @@ pub struct CheckArgs {
     pub input: InputArgs,
 }
 
+/// Which part of a recording: between two times, or all of it.
+#[derive(Debug, clap::Args)]
+pub struct PartArgs {
+    /// Only from this time on: µs, or a number with s, ms or us; +1s counts from the first event
+    #[arg(long, value_name = "TIME", value_parser = convert::time)]
+    pub t_start: Option<Time>,
+    /// Only before this time
+    #[arg(long, value_name = "TIME", value_parser = convert::time)]
+    pub t_stop: Option<Time>,
+}
+
 /// Options of `convert`.
 #[derive(Debug, clap::Args)]
 pub struct ConvertArgs {
@@ -112,12 +123,9 @@ pub struct ConvertArgs {
     pub file: PathBuf,
     /// The file to write; the end of its name says the format
     pub output: PathBuf,
-    /// Only from this time on: µs, or a number with s, ms or us; +1s counts from the first event
-    #[arg(long, value_name = "TIME", value_parser = convert::time)]
-    pub t_start: Option<Time>,
-    /// Only before this time
-    #[arg(long, value_name = "TIME", value_parser = convert::time)]
-    pub t_stop: Option<Time>,
+    /// Which part of it
+    #[command(flatten)]
+    pub part: PartArgs,
     /// Only events of this polarity
     #[arg(long, value_name = "on|off", value_parser = convert::polarity)]
     pub polarity: Option<Polarity>,
@@ -187,12 +195,9 @@ pub struct RenderArgs {
     /// Another setting of the view, such as dtype=u16 or bins=9; again for more
     #[arg(long, value_name = "KEY=VALUE", value_parser = render::setting)]
     pub set: Vec<(String, String)>,
-    /// Only from this time on: µs, or a number with s, ms or us; +1s counts from the first event
-    #[arg(long, value_name = "TIME", value_parser = convert::time)]
-    pub t_start: Option<Time>,
-    /// Only before this time
-    #[arg(long, value_name = "TIME", value_parser = convert::time)]
-    pub t_stop: Option<Time>,
+    /// Which part of it
+    #[command(flatten)]
+    pub part: PartArgs,
     /// Replace files that are there
     #[arg(long)]
     pub overwrite: bool,

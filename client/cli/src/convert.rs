@@ -1,7 +1,7 @@
 //! `lobula convert` and `lobula slice`: a recording, or a part of it, into another file.
 
 use crate::Failure;
-use crate::args::{ConvertArgs, SliceArgs};
+use crate::args::{ConvertArgs, PartArgs, SliceArgs};
 use crate::output::{json, line, thousands};
 use crate::progress::Progress;
 use lobula_core::chain::{Chain, Spec};
@@ -17,7 +17,7 @@ use std::path::Path;
 /// Converts, all of it or between two times.
 pub fn run(args: &ConvertArgs) -> Result<(), Failure> {
     let recording = args.input.open(&args.file)?;
-    let part = part(&recording, args.t_start, args.t_stop)?;
+    let part = part(&recording, &args.part)?;
     write(&recording, &args.output, part, args)
 }
 
@@ -27,7 +27,7 @@ pub fn slice(args: &SliceArgs) -> Result<(), Failure> {
     let recording = convert.input.open(&convert.file)?;
     let part = match &args.events {
         Some(events) => CopyPart::Events(events.0.clone()),
-        None => part(&recording, convert.t_start, convert.t_stop)?,
+        None => part(&recording, &convert.part)?,
     };
     if part == CopyPart::All {
         return Err(Failure::new(
@@ -125,12 +125,9 @@ pub fn chain(text: &str) -> Result<Spec, String> {
     }
 }
 
-/// The part between two times.
-pub(crate) fn part(
-    recording: &Recording,
-    start: Option<Time>,
-    stop: Option<Time>,
-) -> Result<CopyPart, Failure> {
+/// The part that was asked for.
+pub(crate) fn part(recording: &Recording, asked: &PartArgs) -> Result<CopyPart, Failure> {
+    let PartArgs { t_start: start, t_stop: stop } = *asked;
     if start.is_none() && stop.is_none() {
         return Ok(CopyPart::All);
     }

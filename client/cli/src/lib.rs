@@ -20,6 +20,7 @@ mod check;
 pub mod convert;
 mod hot_pixels;
 mod info;
+mod png_file;
 mod progress;
 pub mod render;
 

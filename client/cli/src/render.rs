@@ -2,19 +2,18 @@
 //!
 //! The view is that of the daemon, made of the same settings, so the same bytes.
 
-use crate::Failure;
 use crate::args::RenderArgs;
 use crate::convert::{self, Time};
 use crate::output::{json, line, thousands};
 use crate::progress::Progress;
+use crate::{Failure, png_file};
 use lobula_core::chain::{Offline, View, ViewSpec};
 use lobula_core::representation::Dtype;
 use lobula_core::{Closed, Shape};
-use lobula_formats::{Blocks, CopyPart, Recording};
+use lobula_formats::{Blocks, CopyPart, Recording, TensorWriter};
 use serde::Serialize;
 use serde_json::{Map, Value};
-use std::fs::File;
-use std::io::{BufWriter, Seek, Write};
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 
 /// Renders.
@@ -73,7 +72,7 @@ impl Time {
 }
 
 fn blocks(recording: &Recording, args: &RenderArgs) -> Result<Blocks, Failure> {
-    Ok(match convert::part(recording, args.t_start, args.t_stop)? {
+    Ok(match convert::part(recording, &args.part)? {
         CopyPart::Time(t) => recording.slice_time(t)?,
         _ => recording.blocks(),
     })
@@ -82,29 +81,27 @@ fn blocks(recording: &Recording, args: &RenderArgs) -> Result<Blocks, Failure> {
 /// Draws all windows.
 fn render(view: &mut View, mut blocks: Blocks, bytes: u64, output: &mut Target) -> Result<(), Failure> {
     let mut progress = Progress::start(bytes);
-    let mut failed = None;
+    let taken = Cell::new(Ok(()));
     let mut canvas = Offline::new(view.len_bytes(), |closed: Closed, tensor: &[u8]| {
-        if failed.is_none() {
-            failed = output.take(closed, tensor).err();
-        }
+        taken.set(taken.replace(Ok(())).and_then(|()| output.take(closed, tensor)));
     });
     let mut t_last = 0;
     while let Some(chunk) = blocks.next_block()? {
         let span = chunk.span();
         t_last = span.t_last;
         view.push(span, &mut canvas).map_err(Failure::general)?;
+        taken.replace(Ok(()))?;
         progress.at(blocks.position());
     }
     view.finish(t_last, &mut canvas).map_err(Failure::general)?;
     progress.end();
-    drop(canvas);
-    failed.map_or(Ok(()), |failure: Failure| Err(failure))
+    taken.replace(Ok(()))
 }
 
 /// Where tensors go.
 enum Target {
     /// All of them, N x C x H x W.
-    Array(Array),
+    Array(TensorWriter),
     /// A picture of each, named by the window's start in µs.
     Pictures(Pictures),
 }
@@ -112,19 +109,20 @@ enum Target {
 impl Target {
     fn create(path: &Path, overwrite: bool, shape: Shape, dtype: Dtype) -> Result<Self, Failure> {
         if path.extension().is_some_and(|end| end == "npy") {
-            return Array::create(path, overwrite, shape, dtype).map(Self::Array);
+            return Ok(Self::Array(TensorWriter::create(path, overwrite, shape, dtype)?));
         }
         if path.extension().is_some() && !path.is_dir() {
             let text = "give a name that ends in .npy, or a folder for pictures";
             return Err(Failure::new(Failure::INPUT, format!("{}: {text}", path.display())));
         }
-        std::fs::create_dir_all(path).map_err(|error| failed(path, error))?;
+        std::fs::create_dir_all(path)
+            .map_err(|error| Failure::general(format!("{}: {error}", path.display())))?;
         Ok(Self::Pictures(Pictures { folder: path.into(), overwrite, shape, dtype, windows: 0 }))
     }
 
     fn take(&mut self, closed: Closed, tensor: &[u8]) -> Result<(), Failure> {
         match self {
-            Self::Array(array) => array.take(tensor),
+            Self::Array(array) => Ok(array.push(tensor)?),
             Self::Pictures(pictures) => pictures.take(closed, tensor),
         }
     }
@@ -132,84 +130,9 @@ impl Target {
     /// How many there were.
     fn finish(self) -> Result<u64, Failure> {
         match self {
-            Self::Array(array) => array.finish(),
+            Self::Array(array) => Ok(array.finish()?),
             Self::Pictures(pictures) => Ok(pictures.windows),
         }
-    }
-}
-
-fn failed(path: &Path, error: impl std::fmt::Display) -> Failure {
-    Failure::general(format!("{}: {error}", path.display()))
-}
-
-/// An .npy file that grows; it has its name once it is whole.
-struct Array {
-    path: PathBuf,
-    part: PathBuf,
-    file: BufWriter<File>,
-    shape: Shape,
-    dtype: Dtype,
-    windows: u64,
-}
-
-impl Array {
-    /// Bytes of the header, so that data begin at a multiple of 64.
-    const HEADER_BYTES: usize = 128;
-
-    fn create(path: &Path, overwrite: bool, shape: Shape, dtype: Dtype) -> Result<Self, Failure> {
-        if path.exists() && !overwrite {
-            return Err(exists(path));
-        }
-        let part = path.with_extension("npy.part");
-        let file = BufWriter::new(File::create(&part).map_err(|error| failed(&part, error))?);
-        let mut array = Self { path: path.into(), part, file, shape, dtype, windows: 0 };
-        array.write(&[0; Self::HEADER_BYTES])?;
-        Ok(array)
-    }
-
-    fn write(&mut self, bytes: &[u8]) -> Result<(), Failure> {
-        self.file.write_all(bytes).map_err(|error| failed(&self.part, error))
-    }
-
-    fn take(&mut self, tensor: &[u8]) -> Result<(), Failure> {
-        self.windows += 1;
-        self.write(tensor)
-    }
-
-    /// The header of format 1.0, see numpy.lib.format.
-    fn header(&self) -> Vec<u8> {
-        let Shape { channels, height, width } = self.shape;
-        let dtype = match self.dtype {
-            Dtype::U8 => "|u1",
-            Dtype::U16 => "<u2",
-            Dtype::F16 => "<f2",
-            Dtype::F32 => "<f4",
-        };
-        let windows = self.windows;
-        let text = format!(
-            "{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({windows}, {channels}, {height}, {width}), }}"
-        );
-        let len = Self::HEADER_BYTES - 10;
-        let mut header = b"\x93NUMPY\x01\x00".to_vec();
-        header.extend((len as u16).to_le_bytes());
-        header.extend(format!("{text:<width$}\n", width = len - 1).bytes());
-        header
-    }
-
-    fn finish(mut self) -> Result<u64, Failure> {
-        let header = self.header();
-        self.file.rewind().map_err(|error| failed(&self.part, error))?;
-        self.write(&header)?;
-        self.file.flush().map_err(|error| failed(&self.part, error))?;
-        std::fs::rename(&self.part, &self.path).map_err(|error| failed(&self.path, error))?;
-        Ok(self.windows)
-    }
-}
-
-impl Drop for Array {
-    /// What was not finished is no file. Where it was, the name is gone already.
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.part);
     }
 }
 
@@ -233,14 +156,8 @@ impl Pictures {
             return Err(exists(&path));
         }
         self.windows += 1;
-        let file = File::create(&path).map_err(|error| failed(&path, error))?;
-        let mut encoder =
-            png::Encoder::new(BufWriter::new(file), self.shape.width as u32, self.shape.height as u32);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        let mut writer = encoder.write_header().map_err(|error| failed(&path, error))?;
         let pixels = colours(self.shape, &values(self.dtype, tensor));
-        writer.write_image_data(&pixels).map_err(|error| failed(&path, error))
+        png_file::write(&path, (self.shape.width as u32, self.shape.height as u32), &pixels)
     }
 }
 

@@ -54,14 +54,23 @@ fn comment(geometry: Option<Geometry>) -> String {
 
 /// The header of an array of one dimension; its length does not depend on the number of elements.
 fn header(descr: &str, count: u64, comment: &str) -> Vec<u8> {
-    let text = format!("{{'descr': {descr}, 'fortran_order': False, 'shape': ({count},), }}");
+    growing_header(descr, count, "", comment)
+}
+
+/// The header of an array of `count` elements that are arrays themselves, whose extents `inner` tells; its length does
+/// not depend on their number.
+pub(super) fn growing_header(descr: &str, count: u64, inner: &str, comment: &str) -> Vec<u8> {
+    let text = format!("{{'descr': {descr}, 'fortran_order': False, 'shape': ({count},{inner}), }}");
     let digits = u64::MAX.ilog10() as usize + 1;
     let longest = text.len() - count.to_string().len() + digits + 1 + comment.len();
-    // The first element is aligned, as NumPy has it.
+    padded(&format!("{text} {comment}"), longest)
+}
+
+/// A header with room for `longest` bytes of text. The first element is aligned, as NumPy has it.
+fn padded(text: &str, longest: usize) -> Vec<u8> {
     let whole = (MAGIC.len() + 4 + longest + 1).next_multiple_of(64);
     let text_bytes = whole - MAGIC.len() - 4;
-    let mut header = [MAGIC, &[1, 0], &(text_bytes as u16).to_le_bytes()].concat();
-    header.extend(format!("{text} {comment}").into_bytes());
+    let mut header = [MAGIC, &[1, 0], &(text_bytes as u16).to_le_bytes(), text.as_bytes()].concat();
     header.resize(whole - 1, b' ');
     header.push(b'\n');
     header
@@ -181,12 +190,7 @@ impl NpzEncoder {
 /// The header of an array of no dimension.
 fn scalar(descr: &str) -> Vec<u8> {
     let text = format!("{{'descr': {descr}, 'fortran_order': False, 'shape': (), }}");
-    let whole = (MAGIC.len() + 4 + text.len() + 1).next_multiple_of(64);
-    let mut header =
-        [MAGIC, &[1, 0], &((whole - MAGIC.len() - 4) as u16).to_le_bytes(), text.as_bytes()].concat();
-    header.resize(whole - 1, b' ');
-    header.push(b'\n');
-    header
+    padded(&text, text.len())
 }
 
 impl Encoder for NpzEncoder {

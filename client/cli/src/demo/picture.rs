@@ -1,9 +1,7 @@
 //! The raw picture beside the filtered one: in the terminal, two pixels a character, and as PNG.
 
-use crate::Failure;
+use crate::{Failure, png_file};
 use lobula_core::{Event, Geometry};
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::Path;
 
 /// Red, green, blue.
@@ -30,15 +28,8 @@ impl Picture {
 
     /// Writes both planes side by side, a pixel each.
     pub fn save(&self, path: &Path) -> Result<(), Failure> {
-        let failed = |error: String| Failure::general(format!("{}: {error}", path.display()));
-        let file = File::create(path).map_err(|error| failed(error.to_string()))?;
         let Geometry { width, height } = self.raw.geometry;
-        let mut encoder =
-            png::Encoder::new(BufWriter::new(file), 2 * u32::from(width) + GAP_PX, height.into());
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        let mut writer = encoder.write_header().map_err(|error| failed(error.to_string()))?;
-        writer.write_image_data(&self.pixels()).map_err(|error| failed(error.to_string()))
+        png_file::write(path, (2 * u32::from(width) + GAP_PX, height.into()), &self.pixels())
     }
 
     fn pixels(&self) -> Vec<u8> {
@@ -153,7 +144,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         picture().save(&path).unwrap();
-        let file = std::io::BufReader::new(File::open(path).unwrap());
+        let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
         let mut reader = png::Decoder::new(file).read_info().unwrap();
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         let frame = reader.next_frame(&mut pixels).unwrap();
