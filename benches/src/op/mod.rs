@@ -6,10 +6,11 @@ pub mod moved;
 pub mod tensor;
 pub mod thinned;
 
-use lobula_core::Event;
+use lobula_core::{Block, Event};
+use lobula_formats::LargeArray;
 
 use crate::contest::Contest;
-use crate::input::Scene;
+use crate::input::{Scene, block_of, packets};
 use crate::peers::Library;
 
 /// Declares the operations, in the order of the report. Each is a file with a `NAME`, that of reports and of `--only`,
@@ -103,6 +104,23 @@ ops! {
     PixelDropout pixel_dropout: "Events without those of random pixels.";
     SpatialJitter spatial_jitter: "Events moved by normal deviates.";
     SortByTime sort_by_time: "Events in order of time.";
+}
+
+/// The scene's events as `stage` leaves them, in a fresh array: each packet is worked on where it will stay.
+///
+/// # Errors
+/// A sentence, where there is no memory or the stage refuses a packet.
+fn worked_on(
+    scene: &Scene,
+    mut stage: impl FnMut(&mut Block<'_>) -> Result<usize, String>,
+) -> Result<LargeArray<Event>, String> {
+    let mut events = LargeArray::zeroed(scene.events.len()).map_err(|e| e.to_string())?;
+    let mut left = 0;
+    for packet in packets(scene.span(scene.events.len())) {
+        left += stage(&mut block_of(packet, &mut events[left..]))?;
+    }
+    events.truncate(left);
+    Ok(events)
 }
 
 /// Whether both sides give the same events in the same order.

@@ -5,7 +5,7 @@ use std::hint::black_box;
 use lobula_core::{Event, Span, Transform};
 use lobula_formats::LargeArray;
 
-use super::{Op, same_events};
+use super::{Op, same_events, worked_on};
 use crate::contest::{Contest, Protocol, Unit, Work};
 use crate::input::{PACKET_EVENTS, Scene, block_of, packets};
 use crate::peers::Library;
@@ -84,15 +84,9 @@ impl Moved {
     }
 }
 
-/// The scene's events as `transform` moves them, in a fresh array: each packet is moved where it will stay.
+/// The scene's events as `transform` moves them, in a fresh array.
 fn move_all(scene: &Scene, transform: &mut impl Transform) -> Result<LargeArray<Event>, String> {
-    let mut events = LargeArray::zeroed(scene.events.len()).map_err(|e| e.to_string())?;
-    let mut left = 0;
-    for packet in packets(scene.span(scene.events.len())) {
-        left += transform.apply(&mut block_of(packet, &mut events[left..])).map_err(|e| e.to_string())?;
-    }
-    events.truncate(left);
-    Ok(events)
+    worked_on(scene, |block| transform.apply(block).map_err(|e| e.to_string()))
 }
 
 /// As many events as the scene has, of its first packets again and again: copied into one buffer, as a decoder would

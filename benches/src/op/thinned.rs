@@ -6,7 +6,7 @@ use lobula_core::chain::{AnyFilter, FilterSpec};
 use lobula_core::{Event, Filter};
 use lobula_formats::LargeArray;
 
-use super::{Op, same_events};
+use super::{Op, same_events, worked_on};
 use crate::contest::{Contest, Protocol, Unit, Work};
 use crate::input::{PACKET_EVENTS, Scene, block_of, packets};
 use crate::peers::Library;
@@ -99,18 +99,12 @@ impl Thinned {
     }
 }
 
-/// The scene's events that `filter` keeps, in a fresh array: each packet is thinned where it will stay.
+/// The scene's events that `filter` keeps, in a fresh array.
 ///
 /// # Errors
 /// A sentence, where there is no memory.
 pub fn thin(scene: &Scene, filter: &mut impl Filter) -> Result<LargeArray<Event>, String> {
-    let mut events = LargeArray::zeroed(scene.events.len()).map_err(|e| e.to_string())?;
-    let mut kept = 0;
-    for packet in packets(scene.span(scene.events.len())) {
-        kept += filter.retain(&mut block_of(packet, &mut events[kept..])).unwrap_or_default();
-    }
-    events.truncate(kept);
-    Ok(events)
+    worked_on(scene, |block| filter.retain(block).map_err(|e| e.to_string()))
 }
 
 /// All events at once, into a fresh array with a fresh map.

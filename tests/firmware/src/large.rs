@@ -1,10 +1,9 @@
 //! The job of boards with memory for maps: decode, denoise, count and time surface.
 
-use crate::job::{
-    self, DENOISE_LEN, Digest, FRAME_BYTES, GEOMETRY, Large, PLANE_BYTES, Planes, SURFACE_LEN, Sender,
-};
+use crate::job::{self, DENOISE_LEN, FRAME_BYTES, GEOMETRY, Large, PLANE_BYTES, Planes, SURFACE_LEN, Sender};
 use crate::measure::Meter;
-use crate::{bits, board, feed};
+use crate::sent::Sent;
+use crate::{bits, feed};
 use core::cell::UnsafeCell;
 use lobula_core::ring::Ring;
 use lobula_core::wire::{AnyDecoder, Encoding, evt2, evt3};
@@ -80,13 +79,8 @@ fn same_bits() -> bool {
 fn job(name: &str, encoding: Encoding, bytes: &'static [u8]) -> bool {
     // SAFETY: what was made of it before is gone.
     let memory = unsafe { &mut *MEMORY.0.get() };
-    let mut digest = Digest::new();
-    let mut sent = 0u64;
-    let sender = Sender::new(&mut memory.frame, |frame: &[u8]| {
-        digest.extend(frame);
-        sent += frame.len() as u64;
-        frame.iter().for_each(|byte| board::send(*byte));
-    });
+    let mut sent = Sent::new();
+    let sender = Sender::new(&mut memory.frame, |frame: &[u8]| sent.send(frame));
     let planes = Planes::new(&mut memory.counted, &mut memory.surface, &mut memory.decayed);
     let filter = job::denoise(&mut memory.denoise[..]);
     let (Some(planes), Some(filter)) = (planes, filter) else { return false };
@@ -99,8 +93,7 @@ fn job(name: &str, encoding: Encoding, bytes: &'static [u8]) -> bool {
     };
     job.finish(rejected);
     drop(job);
-    println!("digest_{name}={:016x}", digest.0);
-    println!("sent_{name}={sent}");
+    sent.print(name);
     true
 }
 

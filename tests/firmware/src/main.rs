@@ -16,6 +16,7 @@ mod feed;
 #[allow(dead_code, reason = "a board is large or small")]
 mod job;
 mod measure;
+mod sent;
 
 #[cfg(board = "microbit")]
 #[path = "small.rs"]

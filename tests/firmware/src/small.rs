@@ -1,8 +1,9 @@
 //! The job of a board with 16 KiB: decode, double window filter, counts of tiles.
 
-use crate::job::{Digest, FRAME_BYTES, GEOMETRY, Sender, Small, TILES, Tiles, WINDOWS, WINDOWS_LEN};
+use crate::feed;
+use crate::job::{FRAME_BYTES, GEOMETRY, Sender, Small, TILES, Tiles, WINDOWS, WINDOWS_LEN};
 use crate::measure::Meter;
-use crate::{board, feed};
+use crate::sent::Sent;
 use core::cell::UnsafeCell;
 use lobula_core::filter::DoubleWindow;
 use lobula_core::ring::Ring;
@@ -47,13 +48,8 @@ pub fn run() -> bool {
 fn job() -> bool {
     // SAFETY: what was made of it before is gone.
     let memory = unsafe { &mut *MEMORY.0.get() };
-    let mut digest = Digest::new();
-    let mut sent = 0u64;
-    let sender = Sender::new(&mut memory.frame, |frame: &[u8]| {
-        digest.extend(frame);
-        sent += frame.len() as u64;
-        frame.iter().for_each(|byte| board::send(*byte));
-    });
+    let mut sent = Sent::new();
+    let sender = Sender::new(&mut memory.frame, |frame: &[u8]| sent.send(frame));
     let filter = DoubleWindow::try_new(GEOMETRY, WINDOWS, &mut memory.windows[..]);
     let (Ok(filter), Some(tiles)) = (filter, Tiles::new(&mut memory.counted)) else { return false };
     let decoder = evt2::Decoder::new(GEOMETRY);
@@ -65,8 +61,7 @@ fn job() -> bool {
     };
     job.finish(rejected);
     drop(job);
-    println!("digest_evt2={:016x}", digest.0);
-    println!("sent_evt2={sent}");
+    sent.print("evt2");
     true
 }
 
