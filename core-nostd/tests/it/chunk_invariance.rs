@@ -26,9 +26,14 @@ use lobula_core::{
     Counters, Decode, Detector, Encode, Event, Filter, Geometry, Refused, Representation, SPAN_MAX_US, Sink,
     Span, Transform, Trigger, Window,
 };
+use proptest::collection::vec;
+use proptest::prelude::{Strategy, any};
+use proptest::test_runner::{Config, TestRunner};
 
 /// The sensor of the random streams. Not of a round size, and larger than the pixels that streams favour.
 pub const GEOMETRY: Geometry = Geometry::new(123, 45);
+/// The sensor of the streams that become tensors, each element of which is looked at in every window.
+pub const TENSOR_GEOMETRY: Geometry = Geometry::new(67, 9);
 /// Longest random stream, in events.
 pub const LEN_MAX: usize = 200;
 
@@ -78,6 +83,47 @@ pub fn assert_invariant<I: ?Sized, O: PartialEq + std::fmt::Debug>(
     for seed in seeds {
         assert_eq!(run(input, &mut Splits::random(*seed)), whole, "pieces of seed {seed}");
     }
+}
+
+/// Checks random inputs, each with three random ways to split it. A property's inputs and its search for the smallest
+/// failure are compiled once a type of input, not once a stage.
+pub fn for_any<S: Strategy>(inputs: S, check: &dyn Fn(&S::Value, &[u64])) {
+    let mut runner = TestRunner::new(Config { failure_persistence: None, ..Config::default() });
+    let checked = runner.run(&(inputs, any::<[u64; 3]>()), |(input, seeds)| {
+        check(&input, &seeds);
+        Ok(())
+    });
+    if let Err(error) = checked {
+        panic!("{error}");
+    }
+}
+
+/// Checks random streams of a sensor.
+pub fn for_any_stream(geometry: Geometry, check: &dyn Fn(&[Timed], &[u64])) {
+    for_any(streams::stream(geometry, LEN_MAX), &|events: &Vec<Timed>, seeds| check(events, seeds));
+}
+
+/// Checks bytes of no meaning.
+pub fn for_any_bytes(check: &dyn Fn(&[u8], &[u64])) {
+    for_any(vec(any::<u8>(), 0..2000), &|bytes: &Vec<u8>, seeds| check(bytes, seeds));
+}
+
+/// Checks random streams as `encode` writes them, of a larger sensor, so that some events are off it, with bytes of it
+/// changed.
+pub fn for_any_damage(encode: &dyn Fn(&[Timed]) -> Vec<u8>, check: &dyn Fn(&[u8], &[u64])) {
+    let changes = vec(any::<(u16, u8)>(), 0..20);
+    for_any((streams::stream(Geometry::new(140, 50), LEN_MAX), changes), &|(events, changes), seeds| {
+        let mut bytes = encode(events);
+        // Hours of silence are thousands of words of some formats, told from the end.
+        let mut bytes = bytes.split_off(bytes.len().saturating_sub(4000));
+        let len = bytes.len().max(1);
+        for (at, byte) in changes {
+            if let Some(slot) = bytes.get_mut(usize::from(*at) % len) {
+                *slot = *byte;
+            }
+        }
+        check(&bytes, seeds);
+    });
 }
 
 /// All that a decoder shows.
@@ -262,7 +308,7 @@ pub fn represent<R: Representation>(mut stage: R, events: &[Timed], splits: &mut
         stage.begin(window, &mut memory);
         for_each_piece(inside, splits, |piece| {
             let mut events = streams::block_events(piece);
-            let block = streams::block(piece, &mut events, GEOMETRY);
+            let block = streams::block(piece, &mut events, TENSOR_GEOMETRY);
             stage.accumulate(block.span(), &mut memory).unwrap();
         });
         stage.finish(&mut memory);
@@ -300,40 +346,39 @@ macro_rules! chunk_invariance {
             #[allow(unused_imports)]
             use super::*;
 
-            proptest::proptest! {
-                #![proptest_config(proptest::prelude::ProptestConfig { failure_persistence: None, ..Default::default() })]
-
-                #[test]
-                fn any_split_gives_the_same(input in $inputs, seeds in proptest::prelude::any::<[u64; 3]>()) {
-                    $crate::chunk_invariance::assert_invariant(&input, &seeds, $run);
-                }
+            #[test]
+            fn any_split_gives_the_same() {
+                $crate::chunk_invariance::for_any($inputs, &|input, seeds| {
+                    $crate::chunk_invariance::assert_invariant(input, seeds, $run);
+                });
             }
         }
     };
     (events $name:ident, $run:expr) => {
+        chunk_invariance!(events $name, $crate::chunk_invariance::GEOMETRY, $run);
+    };
+    (events $name:ident, $geometry:expr, $run:expr) => {
         mod $name {
             #[allow(unused_imports)]
             use super::*;
-            use $crate::chunk_invariance::{assert_invariant, GEOMETRY, LEN_MAX, Splits};
+            #[allow(unused_imports)]
+            use $crate::chunk_invariance::GEOMETRY;
+            use $crate::chunk_invariance::{Splits, assert_invariant, for_any_stream};
             use $crate::streams::{self, Timed};
 
-            proptest::proptest! {
-                #![proptest_config(proptest::prelude::ProptestConfig { failure_persistence: None, ..Default::default() })]
+            fn check(events: &[Timed], seeds: &[u64]) {
+                assert_invariant(events, seeds, |events: &[Timed], splits: &mut Splits| $run(events, splits));
+            }
 
-                #[test]
-                fn any_split_gives_the_same(
-                    events in streams::stream(GEOMETRY, LEN_MAX),
-                    seeds in proptest::prelude::any::<[u64; 3]>(),
-                ) {
-                    assert_invariant(&events[..], &seeds, |events: &[Timed], splits: &mut Splits| $run(events, splits));
-                }
+            #[test]
+            fn any_split_gives_the_same() {
+                for_any_stream($geometry, &check);
             }
 
             #[test]
             fn steps_back_are_the_same_in_any_split() {
                 let seeds: [u64; 32] = std::array::from_fn(|i| i as u64);
-                let events = streams::stepping_back();
-                assert_invariant(&events[..], &seeds, |events: &[Timed], splits: &mut Splits| $run(events, splits));
+                check(&streams::stepping_back(), &seeds);
             }
         }
     };
@@ -341,53 +386,28 @@ macro_rules! chunk_invariance {
         mod $name {
             #[allow(unused_imports)]
             use super::*;
-            use $crate::chunk_invariance::{GEOMETRY, LEN_MAX, Splits, assert_invariant, decode, encode_whole};
+            use $crate::chunk_invariance::{assert_invariant, decode, encode_whole, for_any_bytes, for_any_damage};
             use $crate::streams;
-            use lobula_core::Geometry;
 
-            fn run(bytes: &[u8], splits: &mut Splits) -> $crate::chunk_invariance::Decoded {
+            fn check(bytes: &[u8], seeds: &[u64]) {
                 let new = $new;
-                decode(new(GEOMETRY), bytes, splits)
+                assert_invariant(bytes, seeds, |bytes, splits| decode(new($crate::chunk_invariance::GEOMETRY), bytes, splits));
             }
 
-            proptest::proptest! {
-                #![proptest_config(proptest::prelude::ProptestConfig { failure_persistence: None, ..Default::default() })]
+            #[test]
+            fn any_split_gives_the_same() {
+                for_any_damage(&|events| encode_whole($encoder, events), &check);
+            }
 
-                /// A stream of a larger sensor, so that some events are off it, with bytes of it changed.
-                #[test]
-                fn any_split_gives_the_same(
-                    events in streams::stream(Geometry::new(140, 50), LEN_MAX),
-                    changes in proptest::collection::vec(proptest::prelude::any::<(u16, u8)>(), 0..20),
-                    seeds in proptest::prelude::any::<[u64; 3]>(),
-                ) {
-                    let mut bytes = encode_whole($encoder, &events);
-                    // Hours of silence are thousands of words of some formats, told from the end.
-                    let len = bytes.len();
-                    let mut bytes = bytes.split_off(len.saturating_sub(4000));
-                    for (at, byte) in changes {
-                        let len = bytes.len().max(1);
-                        if let Some(slot) = bytes.get_mut(usize::from(at) % len) {
-                            *slot = byte;
-                        }
-                    }
-                    assert_invariant(&bytes[..], &seeds, run);
-                }
-
-                /// Bytes of no meaning.
-                #[test]
-                fn any_split_of_noise_gives_the_same(
-                    bytes in proptest::collection::vec(proptest::prelude::any::<u8>(), 0..2000),
-                    seeds in proptest::prelude::any::<[u64; 3]>(),
-                ) {
-                    assert_invariant(&bytes[..], &seeds, run);
-                }
+            #[test]
+            fn any_split_of_noise_gives_the_same() {
+                for_any_bytes(&check);
             }
 
             #[test]
             fn steps_back_are_the_same_in_any_split() {
                 let seeds: [u64; 32] = std::array::from_fn(|i| i as u64);
-                let bytes = encode_whole($encoder, &streams::stepping_back());
-                assert_invariant(&bytes[..], &seeds, run);
+                check(&encode_whole($encoder, &streams::stepping_back()), &seeds);
             }
         }
     };
@@ -410,9 +430,9 @@ macro_rules! chunk_invariance {
         });
     };
     (representation $name:ident, $new:expr) => {
-        chunk_invariance!(events $name, |events, splits| {
+        chunk_invariance!(events $name, $crate::chunk_invariance::TENSOR_GEOMETRY, |events, splits| {
             let new = $new;
-            $crate::chunk_invariance::represent(new(GEOMETRY), events, splits)
+            $crate::chunk_invariance::represent(new($crate::chunk_invariance::TENSOR_GEOMETRY), events, splits)
         });
     };
     (detector $name:ident, $new:expr) => {
@@ -478,7 +498,7 @@ impl Representation for Still {
     type Pixel = u8;
 
     fn shape(&self) -> lobula_core::Shape {
-        lobula_core::Shape { channels: 1, height: 45, width: 123 }
+        lobula_core::Shape { channels: 1, height: 9, width: 67 }
     }
 
     fn begin(&mut self, _: Window, out: &mut [u8]) {
@@ -487,7 +507,7 @@ impl Representation for Still {
 
     fn accumulate(&mut self, span: Span<'_>, out: &mut [u8]) -> Result<(), lobula_core::WrongGeometry> {
         for event in span.events {
-            out[GEOMETRY.index(event.x(), event.y())] += 1;
+            out[TENSOR_GEOMETRY.index(event.x(), event.y())] += 1;
         }
         Ok(())
     }

@@ -2,13 +2,13 @@
 
 use crate::chunk_invariance::Splits;
 use crate::streams::{self, Timed};
-use crate::window::{Sliced, oracle, slice};
+use crate::window::{oracle, slice};
 use lobula_core::representation::{
     Build, Count, Decay, IntegerTimeSurface, Parameters, Pixel, PolarityHistogram, TileCount, TimeSurface,
     VoxelGrid,
 };
 use lobula_core::{
-    Event, Geometry, Piece, Polarity, Representation, Span, Window, WrongGeometry, f16,
+    Closed, Event, Geometry, Piece, Polarity, Representation, Span, Window, WrongGeometry, f16,
     for_each_representation,
 };
 use proptest::prelude::*;
@@ -23,7 +23,8 @@ fn parameters() -> Parameters {
     parameters
 }
 
-/// Tensors of all windows of a stream, through the slicer; before each, the memory holds garbage.
+/// Tensors of the windows of a stream that are [heard](crate::window::Sliced::heard), through the slicer; before each, the memory holds
+/// garbage.
 pub fn render<R: Representation>(
     stage: &mut R,
     events: &[Timed],
@@ -32,15 +33,24 @@ pub fn render<R: Representation>(
 ) -> Vec<(Window, Vec<R::Pixel>)> {
     let mut out = vec![bytemuck::Zeroable::zeroed(); stage.shape().len()];
     let mut tensors = vec![];
+    let (mut silent, mut unbegun) = (false, None);
+    let begin = |stage: &mut R, window: Window, out: &mut [R::Pixel]| {
+        bytemuck::cast_slice_mut::<_, u8>(out).fill(0xA5);
+        stage.begin(window, out);
+    };
     slice(events, period_us, GEOMETRY, splits, |piece| match piece {
-        Piece::Begin(window) => {
-            bytemuck::cast_slice_mut::<_, u8>(&mut out).fill(0xA5);
-            stage.begin(window, &mut out);
+        Piece::Begin(window) => unbegun = Some(window),
+        Piece::Events(span) => {
+            unbegun.take().into_iter().for_each(|window| begin(stage, window, &mut out));
+            stage.accumulate(span, &mut out).unwrap();
         }
-        Piece::Events(span) => stage.accumulate(span, &mut out).unwrap(),
-        Piece::End(closed) => {
-            stage.finish(&mut out);
-            tensors.push((closed.window, out.clone()));
+        Piece::End(Closed { window, events, .. }) => {
+            if events > 0 || !silent {
+                unbegun.take().into_iter().for_each(|window| begin(stage, window, &mut out));
+                stage.finish(&mut out);
+                tensors.push((window, out.clone()));
+            }
+            silent = events == 0;
         }
     });
     tensors
@@ -69,7 +79,7 @@ fn check_counts<R: Representation + Build<Vec<u32>>>(
     cell: impl Fn(Event) -> usize,
     value: impl Fn(&R::Pixel) -> u64,
 ) {
-    let Sliced { windows, .. } = oracle(events, 5_000);
+    let windows = oracle(events, 5_000).heard();
     let tensors = render(&mut stage, events, 5_000, &mut Splits::Random(7));
     assert_eq!(tensors.len(), windows.len());
     let mut saturated = 0;
@@ -101,7 +111,7 @@ pub fn voxel(window: Window, inside: &[Timed], bins: usize) -> Vec<f64> {
 fn check_voxel(events: &[Timed], period_us: u32, bins: u16) {
     let mut stage = VoxelGrid::try_new(GEOMETRY, bins).unwrap();
     let tensors = render(&mut stage, events, period_us, &mut Splits::Random(3));
-    let Sliced { windows, .. } = oracle(events, period_us);
+    let windows = oracle(events, period_us).heard();
     assert_eq!(tensors.len(), windows.len());
     for ((window, tensor), (expected, inside)) in tensors.iter().zip(&windows) {
         assert_eq!(window, expected);
@@ -116,7 +126,7 @@ fn check_voxel(events: &[Timed], period_us: u32, bins: u16) {
 fn check_surface(events: &[Timed], period_us: u32, tau_us: u32) {
     let mut stage = TimeSurface::<f32, _>::try_new(GEOMETRY, tau_us, vec![0xDEAD_BEEF; 2 * PIXELS]).unwrap();
     let tensors = render(&mut stage, events, period_us, &mut Splits::Random(5));
-    let Sliced { windows, .. } = oracle(events, period_us);
+    let windows = oracle(events, period_us).heard();
     assert_eq!(tensors.len(), windows.len());
     let mut last: Vec<Option<u64>> = vec![None; 2 * PIXELS];
     let mut before = 0;
@@ -155,7 +165,7 @@ fn check_decay_u8(events: &[Timed], period_us: u32, tau_us: u32, decay: Decay, s
     let state = vec![0xDEAD_BEEF; IntegerTimeSurface::<()>::state_len(GEOMETRY)];
     let mut stage = IntegerTimeSurface::try_new(GEOMETRY, tau_us, state).unwrap().with_decay(decay);
     let tensors = render(&mut stage, events, period_us, &mut Splits::Random(5));
-    let Sliced { windows, .. } = oracle(events, period_us);
+    let windows = oracle(events, period_us).heard();
     assert_eq!(tensors.len(), windows.len());
     let mut last: Vec<Option<u64>> = vec![None; 2 * PIXELS];
     let mut before = 0;

@@ -19,7 +19,7 @@ pub fn check<R: Representation<Pixel: Into<f64>>>(
     mut formula: impl FnMut(Window, &[Timed]) -> Vec<f64>,
 ) {
     let tensors = render(&mut stage, events, PERIOD_US, &mut Splits::Random(11));
-    let windows = oracle(events, PERIOD_US).windows;
+    let windows = oracle(events, PERIOD_US).heard();
     assert_eq!(tensors.len(), windows.len());
     for ((window, tensor), (_, inside)) in tensors.iter().zip(&windows) {
         let expected = formula(*window, inside);
@@ -304,7 +304,7 @@ proptest! {
         let mut stage = LastEvent::try_new(tencode(GEOMETRY), GEOMETRY, back, kept).unwrap();
         let tensors = render(&mut stage, &events, PERIOD_US, &mut Splits::Random(13));
         let (mut older, mut overflowed, mut before) = (0, 0, 0u64);
-        for ((grid, tensor), (_, inside)) in tensors.iter().zip(&oracle(&events, PERIOD_US).windows) {
+        for ((grid, tensor), (_, inside)) in tensors.iter().zip(&oracle(&events, PERIOD_US).heard()) {
             let stored = &inside[..inside.len().min(room)];
             overflowed += (inside.len() - stored.len()) as u64;
             let newest = stored.iter().map(|timed| timed.t.max(grid.t0)).max();

@@ -16,6 +16,16 @@ pub struct Sliced {
     pub skipped: u64,
 }
 
+impl Sliced {
+    /// The windows, of a silence the first only: the others are as many as nobody cares to draw.
+    pub fn heard(self) -> Vec<(Window, Vec<Timed>)> {
+        let mut silent = false;
+        let mut heard =
+            |inside: &[Timed]| !(std::mem::replace(&mut silent, inside.is_empty()) && inside.is_empty());
+        self.windows.into_iter().filter(|(_, inside)| heard(inside)).collect()
+    }
+}
+
 /// Cuts as the rules say: each event goes to the window of its time, or the newest one when it is older.
 pub fn oracle(events: &[Timed], period_us: u32) -> Sliced {
     let period = u64::from(period_us);
