@@ -4,8 +4,12 @@
 use crate::firmware::crop_evt3;
 use crate::toolchain::{cargo, run, succeeds};
 use lobula_core::filter::{Denoise, DenoiseParams};
-use lobula_core::representation::{Count, IntegerTimeSurface};
-use lobula_core::{Counters, Decode, Event, Filter, Geometry, Representation, Sink, Window, wire::evt3};
+use lobula_core::representation::{Count, Dtype, IntegerTimeSurface, Pixel};
+use lobula_core::{
+    Counters, Decode, Event, Filter, Geometry, Representation, Sink, Window, for_each_representation,
+    wire::evt3,
+};
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -99,6 +103,54 @@ fn c_firmware_gives_the_bits_of_rust_and_cannot_panic() {
     writer.join().unwrap().unwrap();
     assert_eq!(output.status.code(), Some(0));
     assert!(output.stdout == expected(&bytes, window), "C and Rust differ");
+}
+
+/// Names before brackets, as far as they begin like ours.
+fn functions(c: &str) -> BTreeSet<&str> {
+    let before_brackets =
+        c.split('(').filter_map(|text| text.rsplit(|c: char| !c.is_alphanumeric() && c != '_').next());
+    before_brackets.filter(|name| name.starts_with("lobula_")).collect()
+}
+
+#[test]
+#[ignore = "builds the library: .ci/run asks for it"]
+fn the_library_has_what_the_header_declares() {
+    const INLINE: [&str; 3] = ["lobula_event_y", "lobula_event_is_on", "lobula_event_time"];
+    succeeds(cargo(&core_c().join("Cargo.toml"), &target_dir(), &[]));
+    let mut nm = Command::new("nm");
+    nm.args(["--defined-only", "--format=just-symbols"]).arg(target_dir().join("release/liblobula_core.a"));
+    let symbols = String::from_utf8_lossy(&succeeds(nm).stdout).into_owned();
+    let symbols: BTreeSet<&str> = symbols.lines().filter(|name| name.starts_with("lobula_")).collect();
+    let mut cc = compiler("cc", &["-E", "-P"]);
+    cc.arg(core_c().join("include/lobula_core.h"));
+    let header = String::from_utf8_lossy(&succeeds(cc).stdout).into_owned();
+    let mut declared = functions(&header);
+    INLINE.iter().for_each(|name| assert!(declared.remove(name), "{name}"));
+    assert!(declared.len() > 200);
+    assert_eq!(declared, symbols);
+}
+
+#[test]
+fn the_header_has_every_representation() {
+    macro_rules! all {
+        ($($name:ident $kind:ident $type:ty;)*) => {
+            [$((stringify!($name), <$type as Representation>::Pixel::DTYPE),)*]
+        };
+    }
+    let header = std::fs::read_to_string(core_c().join("include/lobula_core.h")).unwrap();
+    for (name, dtype) in for_each_representation!(all, Vec<u32>) {
+        let snake = name.replace(char::is_uppercase, "_$");
+        let initials = name.chars().filter(|c| c.is_uppercase()).map(|c| c.to_ascii_lowercase().to_string());
+        let snake = initials.fold(snake, |name, initial| name.replacen('$', &initial, 1));
+        let pixel = match dtype {
+            Dtype::U8 => "uint8_t",
+            Dtype::U16 => "uint16_t",
+            Dtype::F16 => "lobula_f16",
+            Dtype::F32 => "float",
+        };
+        let line = format!("LOBULA_REPRESENTATION({}, {pixel})\n", snake.trim_start_matches('_'));
+        assert!(header.contains(&line), "{line} is missing");
+    }
 }
 
 /// No panic is left in what the example links.

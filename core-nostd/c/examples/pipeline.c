@@ -13,9 +13,10 @@ static lobula_representation count, surface;
 lobula_status pipeline_start(struct tensors *out, uint64_t t0, uint64_t t1) {
     const lobula_geometry geometry = {WIDTH, HEIGHT};
     const lobula_denoise_params params = {.refractory_us = 200, .support_us = 2000, .support = 2, .shift = 4};
-    const lobula_parameters parameters = {.tau_us = 3000};
+    lobula_parameters parameters = lobula_parameters_default();
     lobula_status status;
 
+    parameters.tau_us = 3000;
     lobula_evt3_decoder_init(&decoder, geometry);
     status = lobula_denoise_u16_init(&denoise, geometry, &params, denoise_memory,
                                      sizeof denoise_memory / sizeof denoise_memory[0]);

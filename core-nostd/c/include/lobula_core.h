@@ -90,7 +90,7 @@ typedef struct lobula_counters {
 /* Fewest events that the memory given to a decoder must hold. */
 #define LOBULA_EVENTS_MIN 64
 
-/* For each FORMAT (evt2, evt21, evt21_legacy with the halves of its words swapped, evt3):
+/* For each FORMAT (evt2, evt21, evt21_legacy with the halves of its words swapped, evt3, evt4):
  *
  * lobula_FORMAT_decoder_init      at the start of a stream of a sensor of this size
  * lobula_FORMAT_decode            decodes bytes, split anywhere, into `events` (`room` of them, at least
@@ -112,6 +112,7 @@ LOBULA_DECODER(evt2)
 LOBULA_DECODER(evt21)
 LOBULA_DECODER(evt21_legacy)
 LOBULA_DECODER(evt3)
+LOBULA_DECODER(evt4)
 
 /* ---- Filters: fewer events ---- */
 
@@ -248,12 +249,39 @@ bool lobula_denoise_u16_mask(lobula_filter *filter, uint16_t x, uint16_t y);
 
 /* ---- Representations: the events of a window to a tensor ---- */
 
-/* Each representation takes those that it knows; 0 is the default. */
+/* Values of the last six of lobula_parameters; each 0 is the default. */
+enum { LOBULA_POLARITIES_SIGNED = 0, LOBULA_POLARITIES_APART = 1 };
+enum { LOBULA_INTERPOLATION_LINEAR = 0, LOBULA_INTERPOLATION_NEAREST = 1 };
+enum { LOBULA_DECAY_EXPONENTIAL = 0, LOBULA_DECAY_LINEAR = 1 };
+enum { LOBULA_COMBINE_SUM = 0, LOBULA_COMBINE_LATEST = 1 };
+enum { LOBULA_BACKGROUND_BLACK = 0, LOBULA_BACKGROUND_WHITE = 1 };
+enum { LOBULA_PALETTE_DARK = 0, LOBULA_PALETTE_LIGHT = 1, LOBULA_PALETTE_GRAY = 2 };
+
+/* Each representation takes those that it knows. */
 typedef struct lobula_parameters {
-    uint32_t tau_us;  /* decay of a time surface: 30000 */
-    uint16_t bins;    /* of a voxel grid: 5 */
-    uint16_t tile_px; /* of a tile count: 16, a power of two */
+    uint32_t tau_us;         /* decay of a time surface or event image, 1 to 2^25: 30000 */
+    uint32_t max_window_us;  /* the longest of the five scales of an MCTS, 1000 to 2^30: 30000 */
+    uint32_t windows_us[16]; /* scales in place of the five, 1 to 2^30; the first `windows_len` count */
+    uint32_t age_min_us;     /* ages of a TORE up to here are 0: 150 */
+    uint32_t age_max_us;     /* its greatest age, up to 2^30: 5000000 */
+    uint16_t windows_len;    /* 0 to 16: 0 */
+    uint16_t bins;           /* of a voxel grid, stack or event spike tensor: 5 */
+    uint16_t tile_px;        /* of a tile count, a power of two: 16 */
+    uint16_t radius;         /* of what an event changes on a SITS or TOS, 1 to 7: 3 */
+    uint16_t depth;          /* events of a pixel and polarity that a TORE holds, 1 to 16: 4 */
+    uint8_t cutoff;          /* where the counts of a stacked histogram stop, 1 to 255: 10 */
+    uint8_t threshold;       /* below it, a pixel of a TOS is 0, 1 to 255: 241 */
+    uint8_t percentile;      /* where a countmask or red-blue clips counts, 0 to 100: 99 */
+    uint8_t polarities;      /* of a voxel grid: LOBULA_POLARITIES_... */
+    uint8_t interpolation;   /* of a voxel grid: LOBULA_INTERPOLATION_... */
+    uint8_t decay;           /* of a time surface: LOBULA_DECAY_... */
+    uint8_t combine;         /* what an event frame makes of a pixel's events: LOBULA_COMBINE_... */
+    uint8_t background;      /* of a countmask: LOBULA_BACKGROUND_... */
+    uint8_t palette;         /* of an event image: LOBULA_PALETTE_... */
 } lobula_parameters;
+
+/* What is behind the colons above. Start from it and change what you want otherwise. */
+lobula_parameters lobula_parameters_default(void);
 
 /* Elements of a tensor, row-major: planes, rows, columns. */
 typedef struct lobula_shape {
@@ -262,7 +290,10 @@ typedef struct lobula_shape {
     size_t width;
 } lobula_shape;
 
-/* For each REPRESENTATION, with the PIXEL of its tensor:
+/* The bits of a number of half precision (IEEE 754 binary16). */
+typedef uint16_t lobula_f16;
+
+/* For each REPRESENTATION, with the PIXEL of its tensor; those of slice_... stand only when the window closes:
  *
  * lobula_REPRESENTATION_state_len   words of state that it needs (0: give NULL and 0)
  * lobula_REPRESENTATION_init        checks everything; the state may hold anything
@@ -286,12 +317,34 @@ typedef struct lobula_shape {
 
 LOBULA_REPRESENTATION(count_u8, uint8_t)
 LOBULA_REPRESENTATION(count_u16, uint16_t)
+LOBULA_REPRESENTATION(count_f32, float)
 LOBULA_REPRESENTATION(polarity_histogram_u8, uint8_t)
 LOBULA_REPRESENTATION(polarity_histogram_u16, uint16_t)
+LOBULA_REPRESENTATION(polarity_histogram_f32, float)
 LOBULA_REPRESENTATION(voxel_grid_f32, float)
 LOBULA_REPRESENTATION(time_surface_f32, float)
+LOBULA_REPRESENTATION(time_surface_f16, lobula_f16)
 LOBULA_REPRESENTATION(time_surface_u8, uint8_t)
 LOBULA_REPRESENTATION(tile_count_u16, uint16_t)
+LOBULA_REPRESENTATION(tile_count_f32, float)
+LOBULA_REPRESENTATION(binary, uint8_t)
+LOBULA_REPRESENTATION(slice_polarity_histogram, uint8_t)
+LOBULA_REPRESENTATION(event_frame_u8, uint8_t)
+LOBULA_REPRESENTATION(event_frame_f32, float)
+LOBULA_REPRESENTATION(slice_voxel_grid, float)
+LOBULA_REPRESENTATION(averaged_time_surface, float)
+LOBULA_REPRESENTATION(mcts_f32, float)
+LOBULA_REPRESENTATION(mcts_f16, lobula_f16)
+LOBULA_REPRESENTATION(tencode, uint8_t)
+LOBULA_REPRESENTATION(slice_countmask, uint8_t)
+LOBULA_REPRESENTATION(slice_red_blue, uint8_t)
+LOBULA_REPRESENTATION(event_image, uint8_t)
+LOBULA_REPRESENTATION(stacked_histogram, uint8_t)
+LOBULA_REPRESENTATION(mixed_density_stack, float)
+LOBULA_REPRESENTATION(event_spike_tensor, float)
+LOBULA_REPRESENTATION(tore, float)
+LOBULA_REPRESENTATION(sits, uint8_t)
+LOBULA_REPRESENTATION(tos, uint8_t)
 
 #undef LOBULA_DECODER
 #undef LOBULA_FILTER

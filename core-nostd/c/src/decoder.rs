@@ -95,4 +95,5 @@ decoders! {
     evt21: wire::evt21::Decoder, |geometry| wire::evt21::Decoder::new(geometry, WordOrder::Little);
     evt21_legacy: wire::evt21::Decoder, |geometry| wire::evt21::Decoder::new(geometry, WordOrder::Legacy);
     evt3: wire::evt3::Decoder, wire::evt3::Decoder::new;
+    evt4: wire::evt4::Decoder, wire::evt4::Decoder::new;
 }
