@@ -114,15 +114,19 @@ pub fn region(text: &str) -> Result<Region, String> {
     read().ok_or_else(|| format!("give left column, top row and size, such as 100,50,640x480, not {text}"))
 }
 
-/// Reads the stages of a chain: JSON, or the name of a file of it.
+/// Reads the stages of a chain: JSON, or the name of a file of it. Files of hot pixels are looked for where that file is.
 pub fn chain(text: &str) -> Result<Spec, String> {
-    let read = |json: &str| serde_json::from_str(json).map_err(|error| error.to_string());
-    match text.trim_start().starts_with('[') {
-        true => read(text),
-        false => std::fs::read_to_string(text)
-            .map_err(|error| format!("{text}: {error}: give a list of stages in JSON, or a file of one"))
-            .and_then(|json| read(&json).map_err(|error| format!("{text}: {error}"))),
+    let read = |json: &str, folder: &Path| {
+        let mut spec = serde_json::from_str(json).map_err(|error| error.to_string())?;
+        HotPixels::load_lists(&mut spec, folder).map_err(|error| error.to_string())?;
+        Ok::<_, String>(spec)
+    };
+    if text.trim_start().starts_with('[') {
+        return read(text, Path::new(""));
     }
+    let json = std::fs::read_to_string(text)
+        .map_err(|error| format!("{text}: {error}: give a list of stages in JSON, or a file of one"))?;
+    read(&json, Path::new(text).parent().unwrap_or(Path::new(""))).map_err(|error| format!("{text}: {error}"))
 }
 
 /// The part that was asked for.
@@ -184,15 +188,12 @@ fn write(recording: &Recording, output: &Path, part: CopyPart, args: &ConvertArg
     options.layout = args.layout.clone();
     options.overwrite = args.overwrite;
     options.rebase = args.rebase.unwrap_or_default();
-    let mut chain = match args.chain.clone() {
+    let mut chain = match &args.chain {
         None => None,
-        Some(mut spec) => {
-            HotPixels::load_lists(&mut spec, Path::new(""))?;
-            Some(
-                Chain::try_new(&spec, recording.sensor_size()?)
-                    .map_err(|error| Failure::new(Failure::INPUT, format!("--chain: {error}")))?,
-            )
-        }
+        Some(spec) => Some(
+            Chain::try_new(spec, recording.sensor_size()?)
+                .map_err(|error| Failure::new(Failure::INPUT, format!("--chain: {error}")))?,
+        ),
     };
     let geometry = chain.as_ref().map(Chain::output_geometry).or(geometry);
     let mut writer = Writer::create(output, geometry, &options)?;
@@ -365,6 +366,12 @@ mod tests {
         assert!(["100,50", "a,1,2x3", "1,2,3", "1,2,3x4x5"].iter().all(|bad| region(bad).is_err()));
         assert!(chain("[{\"kind\": \"flip_x\"}]").is_ok_and(|spec| spec.filters.len() == 1));
         assert!(chain("[{\"kind\": \"flip_z\"}]").is_err_and(|error| error.contains("flip_z")));
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        std::fs::write(file("hot.txt"), "# sensor 8x4\n3,2\n").unwrap();
+        std::fs::write(file("chain.json"), r#"[{"kind": "hot_pixel", "file": "hot.txt"}]"#).unwrap();
+        let mut spec = chain(&file("chain.json")).unwrap();
+        assert_eq!(*spec.filters[0].hot_pixels_mut().unwrap().pixels, [(3, 2)], "beside the chain's file");
         assert!(chain("no/such/file.json").is_err_and(|error| error.contains("no/such/file.json")));
         assert_eq!(numbers("5..9"), Ok(Numbers(5..9)));
         assert!(["5", "..", "5..", "a..b"].iter().all(|bad| numbers(bad).is_err()));
