@@ -31,6 +31,11 @@ pub(crate) trait ByteDecoder: Clone + Debug + Send + Sync + 'static {
     fn now(&self) -> u64 {
         0
     }
+
+    /// As [`Cursor::in_the_dark`].
+    fn in_the_dark(&self) -> bool {
+        false
+    }
 }
 
 /// Bytes to decode, by their offset: of a file, or unpacked from one.
@@ -175,6 +180,10 @@ impl<D: ByteDecoder, B: Bytes> Cursor for ByteCursor<D, B> {
 
     fn now(&self) -> u64 {
         self.decoder.now()
+    }
+
+    fn in_the_dark(&self) -> bool {
+        self.decoder.in_the_dark()
     }
 
     fn fork(&self) -> Box<dyn Cursor> {

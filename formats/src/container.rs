@@ -107,6 +107,11 @@ pub(crate) trait Cursor: Send + Sync + std::fmt::Debug {
         0
     }
 
+    /// Whether it met, in a [piece](Piece), what only a cursor from the start can tell: all that it gave is in doubt.
+    fn in_the_dark(&self) -> bool {
+        false
+    }
+
     /// What was done from the start of the recording.
     fn counters(&self) -> Counters;
 

@@ -11,7 +11,7 @@
 //! ```
 
 use crate::byte_cursor::{Bad, ByteCursor, ByteDecoder, Step};
-use crate::container::{Container, Cursor};
+use crate::container::{Container, Cursor, Piece};
 use crate::input::Input;
 use crate::intake::{Intake, Plain, Taken};
 use crate::open::Probe;
@@ -19,6 +19,7 @@ use crate::raw::header::Header;
 use crate::wrap::Wrap32;
 use crate::{Error, ErrorKind, Format, OpenOptions};
 use lobula_core::{Counters, Geometry, Sink};
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -70,7 +71,7 @@ fn open(input: Arc<Input>, options: &OpenOptions) -> Result<Box<dyn Container>, 
         _ => None,
     };
     let intake = Intake::new(geometry.unwrap_or(GEOMETRY_MAX), options);
-    let decoder = Decoder { layout, intake, wrap: Wrap32::default() };
+    let decoder = Decoder { layout, intake, wrap: Wrap32::default(), in_piece: false, in_the_dark: false };
     Ok(Box::new(DatRecording { input, header, geometry, start, decoder, guessed }))
 }
 
@@ -176,6 +177,32 @@ impl Container for DatRecording {
         let range = self.start..self.input.len();
         Box::new(ByteCursor::new(self.input.clone(), range, self.decoder.clone()))
     }
+
+    /// As many events each. With times that are shifted in one: which of them are before 0 is known only from the start.
+    fn pieces(&self, n: usize) -> Result<Vec<Piece>, Error> {
+        let range = self.start..self.input.len();
+        let events = range.end.saturating_sub(range.start) / EVENT_BYTES as u64;
+        let n = if self.decoder.intake.shift_us() == 0 { n.max(1) as u64 } else { 1 };
+        let each = events.div_ceil(n).max(1);
+        let later = (1..n).map(|i| i * each).take_while(|event| *event < events);
+        let starts: Vec<_> =
+            [0].into_iter().chain(later).map(|event| range.start + event * EVENT_BYTES as u64).collect();
+        let ends = starts.iter().copied().skip(1).chain([range.end]);
+        starts.iter().zip(ends).map(|(start, end)| self.piece(*start..end)).collect()
+    }
+}
+
+impl DatRecording {
+    fn piece(&self, range: Range<u64>) -> Result<Piece, Error> {
+        let (mut decoder, mut wrap_us) = (self.decoder.clone(), 0);
+        if range.start > self.start {
+            let mut before = [0; 4];
+            self.input.read_at(range.start - EVENT_BYTES as u64, &mut before)?;
+            (decoder.wrap, decoder.in_piece) = (Wrap32::after(u32::from_le_bytes(before)), true);
+            wrap_us = Wrap32::RANGE;
+        }
+        Ok(Piece { cursor: Box::new(ByteCursor::new(self.input.clone(), range, decoder)), wrap_us })
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -183,6 +210,9 @@ struct Decoder {
     layout: Layout,
     intake: Intake,
     wrap: Wrap32,
+    /// Whether it began [after](Wrap32::after) other events.
+    in_piece: bool,
+    in_the_dark: bool,
 }
 
 /// Events decoded at once where all are alike.
@@ -191,12 +221,20 @@ const BATCH: usize = 512;
 const TIME: u64 = u32::MAX as u64;
 
 impl Decoder {
+    /// Whether a time is below all that this piece can tell.
+    fn is_dark(&self, t_us: u64) -> bool {
+        self.in_piece && t_us < Wrap32::RANGE
+    }
+
     /// Takes all of the events, where they are near each other in time and on the sensor; else none of them.
     fn take_alike(&mut self, events: &[[u8; EVENT_BYTES]], sink: &mut Sink<'_>) -> bool {
         let (Some(first), Some(last)) = (events.first(), events.last()) else { return false };
         let word = |event: &[u8; EVENT_BYTES]| u64::from_le_bytes(*event);
         // None that is near the first in the same round of the 32 bits is in another.
         let round = { self.wrap }.push(word(first) as u32) & !TIME;
+        if self.is_dark(round) {
+            return false;
+        }
         let t_us = move |word: u64| round | word & TIME;
         let ends = [first, last].map(|event| t_us(word(event)) as i64);
         let (ends, events, bytes) = ((ends[0], ends[1]), events.iter(), EVENT_BYTES as u64);
@@ -225,6 +263,7 @@ impl Decoder {
                 return Ok(i);
             }
             self.wrap = wrap;
+            self.in_the_dark |= self.is_dark(t);
         }
         Ok(events.len())
     }
@@ -256,6 +295,14 @@ impl ByteDecoder for Decoder {
 
     fn counters(&self) -> Counters {
         self.intake.counters
+    }
+
+    fn now(&self) -> u64 {
+        self.wrap.last()
+    }
+
+    fn in_the_dark(&self) -> bool {
+        self.in_the_dark
     }
 }
 

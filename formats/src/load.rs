@@ -84,6 +84,7 @@ struct Decoded {
     wrap_us: u64,
     /// What the clock said at the start and at the end.
     now: [u64; 2],
+    in_the_dark: bool,
 }
 
 impl Decoded {
@@ -119,7 +120,8 @@ impl Decoded {
         let before_piece = before.events - before.off_sensor;
         triggers.iter_mut().for_each(|trigger| trigger.ordinal -= before_piece);
         let counters = cursor.counters().since(&before);
-        Ok(Self { parts, triggers, counters, events, wrap_us, now: [now, cursor.now()] })
+        let (now, in_the_dark) = ([now, cursor.now()], cursor.in_the_dark());
+        Ok(Self { parts, triggers, counters, events, wrap_us, now, in_the_dark })
     }
 
     /// Whether no word of it needed what an earlier piece was told.
@@ -131,7 +133,9 @@ impl Decoded {
     /// Adds to every time.
     fn shift(&mut self, by: u64) {
         for part in &mut self.parts {
-            for event in part.events.iter_mut() {
+            // An event holds the lower half of its time.
+            let events = if by as u32 == 0 { &mut [] } else { &mut part.events[..] };
+            for event in events {
                 *event =
                     Event::new(event.t().wrapping_add(by as u32), event.x(), event.y(), event.polarity());
             }
@@ -151,7 +155,8 @@ fn settle(decoded: &mut [Decoded]) -> bool {
     let mut end = 0u64;
     for piece in decoded.iter_mut() {
         let shift = if piece.wrap_us == 0 { 0 } else { end.wrapping_sub(piece.now[0]) };
-        if piece.wrap_us != 0 && !(shift.is_multiple_of(piece.wrap_us) && piece.knew_all()) {
+        let fits = piece.wrap_us == 0 || shift.is_multiple_of(piece.wrap_us) && piece.knew_all();
+        if piece.in_the_dark || !fits {
             return false;
         }
         piece.triggers.iter_mut().for_each(|trigger| trigger.ordinal += ordinal);
@@ -343,6 +348,111 @@ mod tests {
         }
     }
 
+    /// Steps back around every seam of the 32 bits, and what only the start tells: a step back below 0.
+    #[test]
+    fn wraps_of_dat_are_counted_across_pieces() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.dat");
+        let file = |times: &[u64]| {
+            let mut bytes = b"% Data file containing CD events.\n% Version 2\n\x0C\x08".to_vec();
+            bytes.extend(times.iter().flat_map(|t| [*t as u32, 0x1000_4003].map(u32::to_le_bytes)).flatten());
+            bytes
+        };
+        let late = |i: u64| if i.is_multiple_of(3) { i * 7919 % 3_000_000 } else { 0 };
+        let often: Vec<_> = (0..20_000u64).map(|i| (1 << 31) + i * 61_000_003 - late(i)).collect();
+        let below: Vec<_> = (0..20_000u64).map(|i| i * 5 % 999 + i / 7_000 * ((1 << 32) - 700)).collect();
+        for times in [often, below] {
+            let bytes = file(&times);
+            std::fs::write(&path, &bytes).unwrap();
+            assert!(open(&path).unwrap().container().pieces(16).unwrap().len() == 16);
+            check(&path);
+            std::fs::write(&path, &bytes[..bytes.len() - 3]).unwrap();
+            check(&path);
+        }
+        let options = crate::OpenOptions { time_shift_us: -7, ..Default::default() };
+        let shifted = crate::open_with(&path, &options).unwrap();
+        assert!(shifted.load_in(16).is_err(), "the first events are before 0, as blocks tell");
+    }
+
+    /// A log of packets that were not closed, in records of the file itself.
+    #[cfg(feature = "ros")]
+    fn packets_mcap(encoding: &str, packets: &[&[u8]], seq: impl Fn(u64) -> u64) -> Vec<u8> {
+        let text = |text: &str| [&(text.len() as u32).to_le_bytes(), text.as_bytes()].concat();
+        let record =
+            |op: u8, content: &[u8]| [&[op][..], &(content.len() as u64).to_le_bytes(), content].concat();
+        let mut file = b"\x89MCAP0\r\n".to_vec();
+        let schema =
+            [&[1, 0][..], &text("event_camera_msgs/EventPacket"), &text("ros1msg"), &text("")].concat();
+        let channel = [&[1, 0, 1, 0][..], &text("/camera/events"), &text("ros1"), &text("")].concat();
+        file.extend([record(1, &[0; 8]), record(3, &schema), record(4, &channel)].concat());
+        for (i, packet) in packets.iter().enumerate() {
+            let mut message = [&[1, 0][..], &[0; 4 + 8 + 8]].concat();
+            message.extend([0, i as u32, 0, 0].map(u32::to_le_bytes).as_flattened());
+            message.extend([720u32, 1280].map(u32::to_le_bytes).as_flattened());
+            message.extend([seq(i as u64), i as u64 * 1_000_000].map(u64::to_le_bytes).as_flattened());
+            message
+                .extend([&text(encoding)[..], &[0], &(packet.len() as u32).to_le_bytes(), packet].concat());
+            file.extend(record(5, &message));
+        }
+        file
+    }
+
+    /// Packets whose lengths are whole words or not, none of them missing or some.
+    #[cfg(feature = "ros")]
+    #[test]
+    fn event_packets_load_as_they_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let geometry = Geometry::new(1280, 720);
+        for (name, encoding) in [("evt3", Encoding::Evt3), ("evt2", Encoding::Evt2)] {
+            let raw = folder.path().join("a.raw");
+            let overwrite = WriteOptions { overwrite: true, ..WriteOptions::default() };
+            let options = WriteOptions { encoding: Some(encoding), ..overwrite };
+            write_with_wraps(&raw, geometry, &options, 2);
+            let mut payload = open(&raw).unwrap().payload().unwrap();
+            let mut bytes = vec![0; (payload.range().end - payload.range().start) as usize];
+            assert_eq!(payload.read(&mut bytes).unwrap(), bytes.len());
+            for (packet_bytes, missing_from) in [(4096, 900), (4099, 900), (1003, 900), (4096, 30)] {
+                let packets: Vec<_> = bytes.chunks(packet_bytes).collect();
+                let path = folder.path().join("a.mcap");
+                let seq = |i: u64| i + u64::from(i > missing_from) * 3;
+                std::fs::write(&path, packets_mcap(name, &packets, seq)).unwrap();
+                let pieces = open(&path).unwrap().container().pieces(16).unwrap().len();
+                assert!(pieces > 8 || packet_bytes % 4 != 0, "{name} in packets of {packet_bytes}: {pieces}");
+                check(&path);
+            }
+        }
+    }
+
+    /// As they are, and damaged beside the start of a chunk, where a piece may begin.
+    #[cfg(feature = "ros")]
+    #[test]
+    fn logs_of_packets_load_as_they_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let real = data("mcap_libcaer_cmp_davis346.mcap");
+        let ours = [crate::Compression::None, crate::Compression::Zstd].map(|compression| {
+            let path = folder.path().join(format!("{}.mcap", compression.name()));
+            let options = WriteOptions { compression: Some(compression), ..WriteOptions::default() };
+            write_with_wraps(&path, Geometry::new(1280, 720), &options, 40);
+            path
+        });
+        for path in real.into_iter().chain(ours) {
+            check(&path);
+            let whole = std::fs::read(&path).unwrap();
+            for i in 1..12 {
+                let (at, mut bytes) = (whole.len() / 12 * i + i * 11, whole.clone());
+                bytes[at] ^= 1 << (i % 8);
+                if i % 5 == 4 {
+                    bytes.truncate(whole.len() * i / 13);
+                }
+                let path = folder.path().join("damaged.mcap");
+                std::fs::write(&path, &bytes).unwrap();
+                if open(&path).is_ok() {
+                    check(&path);
+                }
+            }
+        }
+    }
+
     /// Wraps, silence of more than one wrap, steps back, vectors, triggers; and single events, which tell no base.
     #[test]
     fn wraps_are_counted_across_pieces() {
@@ -350,35 +460,34 @@ mod tests {
         for (i, encoding) in Encoding::ALL.iter().enumerate() {
             for step in [2, 40] {
                 let path = folder.path().join(format!("{i}-{step}.raw"));
-                let geometry = Geometry::new(1280, 720);
                 let options = WriteOptions { encoding: Some(*encoding), ..WriteOptions::default() };
-                let mut writer = Writer::create(&path, Some(geometry), &options).unwrap();
-                let mut t = 3_000_000_000u64;
-                for i in 0..20_000u64 {
-                    t = match i % 4_000 {
-                        3_999 => t + 40_000_000,
-                        1_777 => t - 900,
-                        _ => t + i * i % 2_003,
-                    };
-                    let event = |k: u64| {
-                        let polarity = Polarity::from_bit((i / 3) as u16);
-                        Event::new(
-                            t as u32,
-                            ((i * 31 + k * step) % 1280) as u16,
-                            (i * 7 % 720) as u16,
-                            polarity,
-                        )
-                    };
-                    let events = [event(0), event(1), event(2)];
-                    writer.write(Span { t_first: t, t_last: t, geometry, events: &events }).unwrap();
-                    if i % 97 == 5 {
-                        let edge = Polarity::from_bit(i as u16);
-                        writer.write_trigger(Trigger { t, ordinal: 0, channel: 1, edge }).unwrap();
-                    }
-                }
-                writer.finish().unwrap();
+                write_with_wraps(&path, Geometry::new(1280, 720), &options, step);
                 check(&path);
             }
         }
+    }
+
+    /// Events in threes, `step` columns apart, and a trigger now and then.
+    fn write_with_wraps(path: &Path, geometry: Geometry, options: &WriteOptions, step: u64) {
+        let mut writer = Writer::create(path, Some(geometry), options).unwrap();
+        let mut t = 3_000_000_000u64;
+        for i in 0..20_000u64 {
+            t = match i % 4_000 {
+                3_999 => t + 40_000_000,
+                1_777 => t - 900,
+                _ => t + i * i % 2_003,
+            };
+            let event = |k: u64| {
+                let polarity = Polarity::from_bit((i / 3) as u16);
+                Event::new(t as u32, ((i * 31 + k * step) % 1280) as u16, (i * 7 % 720) as u16, polarity)
+            };
+            let events = [event(0), event(1), event(2)];
+            writer.write(Span { t_first: t, t_last: t, geometry, events: &events }).unwrap();
+            if i % 97 == 5 {
+                let edge = Polarity::from_bit(i as u16);
+                writer.write_trigger(Trigger { t, ordinal: 0, channel: 1, edge }).unwrap();
+            }
+        }
+        writer.finish().unwrap();
     }
 }

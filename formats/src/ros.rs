@@ -407,8 +407,7 @@ impl<L: Log> Container for RosRecording<L> {
     }
 
     fn pieces(&self, n: usize) -> Result<Vec<Piece>, Error> {
-        let piece = |cursor| Piece { cursor: Box::new(cursor), wrap_us: 0 };
-        Ok(self.events.pieces(n)?.into_iter().map(piece).collect())
+        self.events.pieces(n)
     }
 
     fn imu(&self) -> Items<ImuSample> {

@@ -11,7 +11,14 @@ pub(crate) struct Wrap32 {
 }
 
 impl Wrap32 {
-    const RANGE: u64 = 1 << 32;
+    /// After how many µs the readings wrap.
+    pub const RANGE: u64 = 1 << 32;
+
+    /// After this reading in the second range: for a stretch that knows neither how many came before it nor, below
+    /// that range, whether there was one.
+    pub fn after(reading: u32) -> Self {
+        Self { last: Self::RANGE + u64::from(reading) }
+    }
 
     /// The full time of the next reading.
     #[inline]
@@ -22,6 +29,11 @@ impl Wrap32 {
             Some(nearest) if nearest >= epoch || u64::from(step.unsigned_abs()) <= LATE_US_MAX => nearest,
             _ => epoch + u64::from(reading),
         };
+        self.last
+    }
+
+    /// The full time of the last reading.
+    pub fn last(&self) -> u64 {
         self.last
     }
 

@@ -7,8 +7,10 @@ use super::log::{Log, Message};
 use super::notes::Notes;
 use crate::Error;
 use crate::byte_cursor::{Bad, Step};
-use crate::container::{Cursor, Stop};
-use lobula_core::{Counters, Fault, Sink};
+use crate::container::{Cursor, Piece, Stop};
+use lobula_core::{Counters, Event, Fault, Sink, Trigger};
+use rayon::prelude::*;
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// Most bytes that come before the events of a message: the frame's and the encoding's name are the only long ones.
@@ -16,6 +18,9 @@ pub(crate) const HEAD_BYTES_MAX: usize = 4096;
 
 /// More bytes than any event or word has: where so many make none, what comes is no event.
 const UNIT_BYTES_MAX: usize = 64;
+
+/// Most bytes of packets looked at to find where a decoder can start.
+const SETTLE_BYTES_MAX: usize = 1 << 20;
 
 /// A topic of events.
 #[derive(Debug)]
@@ -95,6 +100,11 @@ impl Body {
             _ => 0,
         }
     }
+
+    /// Whether the next message goes on with a word that this one began.
+    fn is_in_word(&self) -> bool {
+        matches!(self, Self::Packets(packets) if packets.is_in_word())
+    }
 }
 
 /// A place among the events of a topic.
@@ -106,15 +116,34 @@ pub(crate) struct TopicCursor<L> {
     body: Body,
     /// Bytes still to come of the message that is being decoded.
     left: Option<u64>,
-    /// Messages that were damaged.
+    /// Messages still to come of `log`.
+    messages_left: u64,
+    /// What comes after them, in a recording that is read in pieces.
+    then: VecDeque<(L, u64)>,
+    /// Whether another cursor goes on after that.
+    goes_on: bool,
+    /// Messages that were damaged, and what other logs could not read.
     damaged: Counters,
+    in_the_dark: bool,
     ended: bool,
 }
 
 impl<L: Log> TopicCursor<L> {
     /// A cursor at the first message of `log`.
     pub fn new(log: L, topic: Arc<EventTopic>, notes: Arc<Notes>, body: Body) -> Self {
-        Self { log, topic, notes, body, left: None, damaged: Counters::new(), ended: false }
+        Self {
+            log,
+            topic,
+            notes,
+            body,
+            left: None,
+            messages_left: u64::MAX,
+            then: VecDeque::new(),
+            goes_on: false,
+            damaged: Counters::new(),
+            in_the_dark: false,
+            ended: false,
+        }
     }
 
     /// The same with buffers of its own.
@@ -125,19 +154,126 @@ impl<L: Log> TopicCursor<L> {
             notes: self.notes.clone(),
             body: self.body.clone(),
             left: self.left,
+            messages_left: self.messages_left,
+            then: self.then.iter().map(|(log, messages)| (log.fork(), *messages)).collect(),
+            goes_on: self.goes_on,
             damaged: self.damaged,
+            in_the_dark: self.in_the_dark,
             ended: self.ended,
         }
     }
 
-    /// Cursors over a stretch of messages each, where none needs what came before it: about `n`, or one.
-    pub fn pieces(&self, n: usize) -> Result<Vec<Self>, Error> {
-        if !matches!(self.body, Body::Arrays(_)) {
-            return Ok(vec![self.copy()]);
+    /// The same over another log.
+    fn over(&self, log: L) -> Self {
+        Self::new(log, self.topic.clone(), self.notes.clone(), self.body.clone())
+    }
+
+    /// Cursors over a stretch of messages each, about `n`, or one.
+    pub fn pieces(&self, n: usize) -> Result<Vec<Piece>, Error> {
+        let piece = |cursor: Self, wrap_us| Piece { cursor: Box::new(cursor), wrap_us };
+        match &self.body {
+            Body::None => Ok(vec![piece(self.copy(), 0)]),
+            Body::Arrays(_) => {
+                Ok(self.log.pieces(n)?.into_iter().map(|log| piece(self.over(log), 0)).collect())
+            }
+            Body::Packets(packets) => {
+                let wraps_us = [0].into_iter().chain(std::iter::repeat(packets.wrap_us()));
+                Ok(self
+                    .packet_pieces(n)?
+                    .into_iter()
+                    .zip(wraps_us)
+                    .map(|(cursor, us)| piece(cursor, us))
+                    .collect())
+            }
         }
-        let (topic, notes, body) = (&self.topic, &self.notes, &self.body);
-        let cursor = |log| Self::new(log, topic.clone(), notes.clone(), body.clone());
-        Ok(self.log.pieces(n)?.into_iter().map(cursor).collect())
+    }
+
+    /// Of packets, whose bytes go on from message to message: each piece but the last also has the first messages of the
+    /// next, which are decoded before that one starts, so that it knows time, row and base.
+    fn packet_pieces(&self, n: usize) -> Result<Vec<Self>, Error> {
+        let logs = self.log.pieces(n)?;
+        let settled: Vec<_> =
+            logs.par_iter().skip(1).map(|log| self.settled(log)).collect::<Result<_, _>>()?;
+        let mut logs = logs.into_iter();
+        let Some(mut last) = logs.next().map(|log| self.over(log)) else { return Ok(vec![self.copy()]) };
+        let mut pieces = Vec::new();
+        for (log, settled) in logs.zip(settled) {
+            match settled {
+                Some((next, messages)) => {
+                    last.then.push_back((log, messages));
+                    last.goes_on = true;
+                    pieces.push(std::mem::replace(&mut last, next));
+                }
+                None => last.then.push_back((log, u64::MAX)),
+            }
+        }
+        pieces.push(last);
+        Ok(pieces)
+    }
+
+    /// A cursor behind so many messages of a log that its decoder knows all that it needs; `None` where they do not tell.
+    fn settled(&self, log: &L) -> Result<Option<(Self, u64)>, Error> {
+        let Some(messages) = self.messages_to_settle(log.fork())? else { return Ok(None) };
+        let mut cursor = Self { messages_left: messages, goes_on: true, ..self.over(log.fork()) };
+        // What these messages hold belongs to the piece before.
+        let (mut events, mut triggers) = (vec![Event::default(); 1024], [Trigger::default(); 16]);
+        while cursor.fill(&mut Sink::with_triggers(&mut events, &mut triggers))? == Stop::Full {}
+        let Body::Packets(packets) = &mut cursor.body else { return Ok(None) };
+        packets.begin_piece();
+        let is_sound = packets.missing() == 0 && cursor.damaged.bytes_faulty == 0;
+        let cursor = Self { messages_left: u64::MAX, goes_on: false, ended: false, ..cursor };
+        Ok(is_sound.then_some((cursor, messages)))
+    }
+
+    fn messages_to_settle(&self, mut log: L) -> Result<Option<u64>, Error> {
+        let Body::Packets(packets) = &self.body else { return Ok(None) };
+        let Some(encoding) = packets.encoding() else { return Ok(Some(1)) };
+        let mut bytes = Vec::new();
+        for messages in 1.. {
+            let Some(message) = log.next(&self.topic.connections)? else { break };
+            let head = log.peek(HEAD_BYTES_MAX)?;
+            let Some(head) = event_packet::Head::parse(head, self.topic.wire) else { break };
+            let (head_bytes, available) = (head.bytes, message.available.saturating_sub(head.bytes as u64));
+            let mut left = available.min(head.events_bytes.into()) as usize;
+            log.take(head_bytes);
+            while left > 0 && bytes.len() < SETTLE_BYTES_MAX {
+                let some = log.peek(1)?;
+                let some = some.get(..left.min(some.len())).unwrap_or_default();
+                if some.is_empty() {
+                    return Ok(None);
+                }
+                bytes.extend_from_slice(some);
+                left -= some.len();
+                let taken = some.len();
+                log.take(taken);
+            }
+            if encoding.settled(&bytes).is_some() {
+                return Ok(Some(messages));
+            }
+            if bytes.len() >= SETTLE_BYTES_MAX {
+                break;
+            }
+        }
+        Ok(None)
+    }
+
+    /// The message that comes next, of this log or the next.
+    fn next(&mut self) -> Result<Option<Message>, Error> {
+        loop {
+            let message = match self.messages_left {
+                0 => None,
+                _ => self.log.next(&self.topic.connections)?,
+            };
+            if message.is_some() {
+                self.messages_left -= 1;
+                return Ok(message);
+            }
+            let Some((log, messages)) = self.then.pop_front() else { return Ok(None) };
+            // The next piece took the first byte of these messages for the first of a word.
+            self.in_the_dark |= self.body.is_in_word();
+            self.damaged.add(self.log.counters());
+            (self.log, self.messages_left) = (log, messages);
+        }
     }
 
     /// Reads the head of a message.
@@ -206,10 +342,12 @@ impl<L: Log> Cursor for TopicCursor<L> {
                 }
                 self.notes.missing_messages(self.body.missing());
             }
-            match self.log.next(&self.topic.connections)? {
+            match self.next()? {
                 Some(message) => self.begin(message)?,
                 None => {
-                    self.body.end();
+                    if !self.goes_on {
+                        self.body.end();
+                    }
                     self.ended = true;
                 }
             }
@@ -219,6 +357,17 @@ impl<L: Log> Cursor for TopicCursor<L> {
 
     fn position(&self) -> u64 {
         if self.ended { self.log.input().len() } else { self.log.position() }
+    }
+
+    fn now(&self) -> u64 {
+        match &self.body {
+            Body::Packets(packets) => packets.now(),
+            _ => 0,
+        }
+    }
+
+    fn in_the_dark(&self) -> bool {
+        self.in_the_dark || matches!(&self.body, Body::Packets(packets) if packets.in_the_dark())
     }
 
     fn counters(&self) -> Counters {

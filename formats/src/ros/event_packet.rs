@@ -72,8 +72,12 @@ pub(crate) struct EventPackets {
     before: Option<(u64, Stamp)>,
     /// Messages that are missing by their sequence numbers.
     missing: u64,
+    /// Whether a message of a camera's bytes was passed over.
+    skipped: bool,
     /// Camera's bytes of this message still to come.
     left: u64,
+    /// Whether it began with other messages than the first.
+    in_piece: bool,
 }
 
 /// What an encoding's name stands for.
@@ -94,7 +98,15 @@ impl EventPackets {
             Some(encoding) => Codec::Camera(AnyDecoder::new(encoding, geometry), encoding),
             None => Codec::LibcaerCmp(libcaer_cmp::Decoder::new(Intake::new(geometry, options))),
         };
-        Self { codec, counters: Counters::new(), before: None, missing: 0, left: 0 }
+        Self {
+            codec,
+            counters: Counters::new(),
+            before: None,
+            missing: 0,
+            skipped: false,
+            left: 0,
+            in_piece: false,
+        }
     }
 
     /// Largest sensor that eleven bits of x and y can tell.
@@ -105,6 +117,16 @@ impl EventPackets {
             Codec::Camera(_, encoding) => Some(*encoding),
             Codec::LibcaerCmp(_) => None,
         }
+    }
+
+    /// After how many µs the encoding's time wraps; 0: messages tell it whole.
+    pub fn wrap_us(&self) -> u64 {
+        self.encoding().map_or(0, Encoding::wrap_us)
+    }
+
+    /// From here on it is a piece of a recording.
+    pub fn begin_piece(&mut self) {
+        self.in_piece = true;
     }
 
     /// Begins with a message of `bytes` bytes; false where it is another encoding's or not as long as it says.
@@ -144,6 +166,7 @@ impl EventPackets {
     /// A message that is damaged or cut was passed over.
     pub fn skip(&mut self) {
         if let (Codec::Camera(decoder, _), true) = (&mut self.codec, self.before.is_some()) {
+            self.skipped = true;
             decoder.gap(Some(decoder.now()));
         }
     }
@@ -190,5 +213,24 @@ impl EventPackets {
 
     pub fn missing(&self) -> u64 {
         self.missing
+    }
+
+    /// Whether the bytes so far end inside a word.
+    pub fn is_in_word(&self) -> bool {
+        matches!(&self.codec, Codec::Camera(decoder, _) if decoder.pending() > 0)
+    }
+
+    /// Stream time in µs, of a camera's bytes.
+    pub fn now(&self) -> u64 {
+        match &self.codec {
+            Codec::Camera(decoder, _) => decoder.now(),
+            Codec::LibcaerCmp(_) => 0,
+        }
+    }
+
+    /// Whether a piece met a gap: its length tells wraps only where the time before it is known, and the messages that
+    /// are missing are counted from the start.
+    pub fn in_the_dark(&self) -> bool {
+        self.in_piece && (self.missing > 0 || self.skipped)
     }
 }

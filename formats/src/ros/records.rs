@@ -117,9 +117,10 @@ impl<R: Records> Log for RecordLog<R> {
         let mut starts = vec![range.start];
         let mut walk = Self { tape: self.tape.skim(), ..self.fork() };
         while !matches!(R::find(&mut walk)?, Found::End) {
-            let Some(place) = walk.tape.outside().filter(|_| walk.left == 0) else { continue };
-            if place.start >= range.start + stride * starts.len() as u64 && place.start < range.end {
-                starts.push(place.start);
+            let Some(place) = walk.tape.outside() else { continue };
+            let next = place.start.saturating_add(walk.left);
+            if next >= range.start + stride * starts.len() as u64 && next < range.end {
+                starts.push(next);
             }
         }
         let stops = starts.iter().copied().skip(1).chain([u64::MAX]);
