@@ -20,6 +20,9 @@ pub(super) struct Member {
     pub name: String,
     method: u16,
     encrypted: bool,
+    /// Checksum and length of what it holds.
+    pub crc: u32,
+    pub bytes: u64,
     /// Bytes in the archive.
     packed: u64,
     /// Offset of its local header.
@@ -104,8 +107,7 @@ fn contents(input: &Input) -> Result<Option<(u64, u64)>, Error> {
 impl Member {
     /// An entry of the table of contents, and its length.
     fn parse(entry: &[u8]) -> Option<(Self, usize)> {
-        let fixed = entry.strip_prefix(b"PK\x01\x02")?;
-        let _ = fixed;
+        entry.strip_prefix(b"PK\x01\x02")?;
         let lens = [28, 30, 32].map(|at| u16_at(entry, at).map(usize::from));
         let [name_len, extra_len, comment_len] = [lens[0]?, lens[1]?, lens[2]?];
         let name = entry.get(ENTRY_BYTES..ENTRY_BYTES + name_len)?;
@@ -115,11 +117,12 @@ impl Member {
         let mut wide =
             zip64(extra).unwrap_or_default().as_chunks::<8>().0.iter().map(|one| u64::from_le_bytes(*one));
         let mut full = |short: u32| if short == u32::MAX { wide.next() } else { Some(short.into()) };
-        let (_, packed, header) = (full(unpacked)?, full(packed)?, full(header)?);
+        let (bytes, packed, header) = (full(unpacked)?, full(packed)?, full(header)?);
         let name = String::from_utf8_lossy(name);
         let name = name.strip_suffix(".npy").unwrap_or(&name).to_owned();
         let encrypted = u16_at(entry, 8)? & 1 == 1;
-        let member = Self { name, method: u16_at(entry, 10)?, encrypted, packed, header };
+        let (method, crc) = (u16_at(entry, 10)?, u32_at(entry, 16)?);
+        let member = Self { name, method, encrypted, crc, bytes, packed, header };
         Some((member, ENTRY_BYTES + name_len + extra_len + comment_len))
     }
 

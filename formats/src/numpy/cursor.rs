@@ -1,5 +1,6 @@
 //! Rows of four columns become events.
 
+use super::checksum::{CRC_BYTES, Checksums};
 use super::dtype::{Dtype, Kind};
 use super::table::{Lane, Place, Table};
 use crate::Error;
@@ -102,6 +103,8 @@ pub(super) struct NumpyCursor {
     buffered: u64,
     buffered_end: u64,
     wide: WideRecords,
+    /// None where not all of the rows are read, or not in order.
+    checksums: Option<Checksums>,
 }
 
 /// A lane and the rows of it that come next.
@@ -114,7 +117,13 @@ struct Buffered {
 
 impl NumpyCursor {
     /// Over these rows.
-    pub fn new(table: Arc<Table>, rows: Range<u64>, file_bytes: u64, intake: Intake) -> Self {
+    pub fn new(
+        table: Arc<Table>,
+        rows: Range<u64>,
+        file_bytes: u64,
+        intake: Intake,
+        checksums: Option<Checksums>,
+    ) -> Self {
         let fast = Fast::of(&table);
         Self {
             table,
@@ -128,6 +137,7 @@ impl NumpyCursor {
             buffered: 0,
             buffered_end: 0,
             wide: WideRecords::default(),
+            checksums,
         }
     }
 
@@ -138,17 +148,49 @@ impl NumpyCursor {
 
     /// Reads the next rows; false where there are no more.
     fn refill(&mut self) -> Result<bool, Error> {
+        self.open_lanes();
         let table = self.table.clone();
-        if self.lanes.is_empty() {
-            let buffered = |lane: &Lane| Buffered { source: lane.source.fork(), bytes: Vec::new() };
-            self.lanes = table.lanes.iter().map(buffered).collect();
-        }
-        let mut rows = (self.rows_end - self.row).min(ROWS as u64) as usize;
-        for (lane, buffer) in table.lanes.iter().zip(&mut self.lanes) {
+        let want = (self.rows_end - self.row).min(ROWS as u64) as usize;
+        let mut rows = want;
+        for (i, (lane, buffer)) in table.lanes.iter().zip(&mut self.lanes).enumerate() {
             rows = rows.min(buffer.read(lane, self.row, rows)?);
+            if let Some(checksums) = self.checksums.as_mut().filter(|_| rows == want) {
+                checksums.add(i, buffer.bytes.get(..rows * lane.stride).unwrap_or_default());
+            }
+        }
+        if rows < want {
+            self.checksums = None;
         }
         (self.buffered, self.buffered_end) = (self.row, self.row + rows as u64);
         Ok(rows > 0)
+    }
+
+    /// Begins to read, if that is not done yet.
+    fn open_lanes(&mut self) {
+        if !self.lanes.is_empty() {
+            return;
+        }
+        let buffered = |lane: &Lane| Buffered { source: lane.source.fork(), bytes: Vec::new() };
+        self.lanes = self.table.lanes.iter().map(buffered).collect();
+        if let Some(checksums) = self.checksums.as_mut().filter(|_| self.row == 0) {
+            for (i, (lane, buffer)) in self.table.lanes.iter().zip(&mut self.lanes).enumerate() {
+                checksums.add_head(i, lane, &mut buffer.source);
+            }
+        }
+    }
+
+    /// All rows are taken: compares checksums. The bytes of one that does not fit are what is known to be wrong.
+    fn end_checksums(&mut self) {
+        self.open_lanes();
+        let Some(mut checksums) = self.checksums.take() else { return };
+        if self.rows_end == self.table.rows {
+            for (i, (lane, buffer)) in self.table.lanes.iter().zip(&mut self.lanes).enumerate() {
+                checksums.add_tail(i, lane, self.table.rows, &mut buffer.source);
+            }
+        }
+        for _ in 0..checksums.end(&self.table) {
+            self.intake.fault(Fault::Damaged, CRC_BYTES);
+        }
     }
 
     /// The rest that the header promised is not there.
@@ -259,6 +301,7 @@ impl Cursor for NumpyCursor {
             }
             if self.row >= self.rows_end || !self.refill()? {
                 self.cut_short();
+                self.end_checksums();
                 return Ok(Stop::End);
             }
         }
@@ -279,7 +322,7 @@ impl Cursor for NumpyCursor {
 
     fn fork(&self) -> Box<dyn Cursor> {
         let rows = self.row..self.rows_end;
-        let mut fork = Self::new(self.table.clone(), rows, self.file_bytes, self.intake.clone());
+        let mut fork = Self::new(self.table.clone(), rows, self.file_bytes, self.intake.clone(), None);
         (fork.buffered, fork.buffered_end) = (self.row, self.row);
         Box::new(fork)
     }

@@ -1,6 +1,7 @@
 //! Where the four columns of events are.
 
 use super::archive::{self, Member};
+use super::checksum::{Checked, Damaged};
 use super::dtype::{Dtype, Kind};
 use super::header::{self, Elements, Header};
 use super::refuse;
@@ -28,6 +29,9 @@ pub(super) struct Table {
     pub name: String,
     /// Names of arrays that are not read.
     pub others: Vec<String>,
+    /// The members that it is in, where it is in an archive.
+    pub checked: Vec<Checked>,
+    pub damaged: Damaged,
 }
 
 impl Table {
@@ -53,6 +57,10 @@ pub(super) struct Lane {
     pub end: Option<u64>,
     /// Bytes of a row.
     pub stride: usize,
+    /// Bytes of its array before the first row, and offset of the end of what is after the last: of several lanes of an
+    /// array, those of the first and the last; `None` is as far as there is any.
+    pub head_bytes: u64,
+    pub tail_end: Option<u64>,
 }
 
 /// Where a column is in the rows.
@@ -78,7 +86,9 @@ pub(super) fn of_file(input: &Arc<Input>, options: &OpenOptions) -> Result<Table
 /// The table in an archive: of columns, or of one array.
 pub(super) fn of_archive(input: &Arc<Input>, options: &OpenOptions) -> Result<Table, Error> {
     let (path, members) = (input.path(), archive::members(input)?);
-    let own = Own::of_members(&members, input)?;
+    let damaged = Damaged::default();
+    let own = Own::of_members(&members, input, &damaged)?;
+    let checked = |member: &Member, lanes| Checked { name: member.name.clone(), crc: member.crc, lanes };
     let open = |member: &Member| {
         let (source, start, end) = member.open(input)?;
         Array::open(source, start, end, path, options)
@@ -98,6 +108,8 @@ pub(super) fn of_archive(input: &Arc<Input>, options: &OpenOptions) -> Result<Ta
         let own = Own { unit: own.unit.or(unit), ..own };
         let mut table = of_columns(columns.map(|one| one.name.as_str()), arrays, own, options, path)?;
         table.others = others(&|name| columns.iter().any(|column| column.name == name));
+        table.checked = columns.iter().enumerate().map(|(i, one)| checked(one, i..i + 1)).collect();
+        table.damaged = damaged;
         return Ok(table);
     }
     let mut tables = Vec::new();
@@ -129,6 +141,8 @@ pub(super) fn of_archive(input: &Arc<Input>, options: &OpenOptions) -> Result<Ta
     };
     let mut table = array.table(member.name.clone(), own, options, path)?;
     table.others = others(&|name| name == member.name);
+    table.checked = vec![checked(member, 0..table.lanes.len())];
+    table.damaged = damaged;
     Ok(table)
 }
 
@@ -142,7 +156,8 @@ fn of_columns(
 ) -> Result<Table, Error> {
     let (mut lanes, mut places, mut rows) = (Vec::new(), Vec::new(), None);
     for (lane, (name, array)) in names.into_iter().zip(arrays).enumerate() {
-        let Array { source, start, end, header } = array?;
+        let array = array?;
+        let header = &array.header;
         let Elements::Number(dtype) = header.elements else {
             return Err(refuse(
                 path,
@@ -168,7 +183,7 @@ fn of_columns(
             ));
         }
         rows = Some(count);
-        lanes.push(Lane { source, start, end, stride: dtype.bytes });
+        lanes.push(array.lane(dtype.bytes));
         places.push(Place { lane, offset: 0, dtype });
     }
     let columns: Option<[Place; 4]> = places.try_into().ok();
@@ -195,7 +210,8 @@ fn table(
         let remedy = "give it with --time-unit s, --time-unit ms, --time-unit us or --time-unit ns";
         Error::new(ErrorKind::NeedsOption, path, what, remedy)
     })?;
-    Ok(Table { rows, unit, lanes, columns, size: own.size, name, others: Vec::new() })
+    let (others, checked, damaged) = Default::default();
+    Ok(Table { rows, unit, lanes, columns, size: own.size, name, others, checked, damaged })
 }
 
 /// An array, its header read.
@@ -204,6 +220,8 @@ struct Array {
     /// Offset of the first element.
     start: u64,
     end: Option<u64>,
+    /// Bytes before it.
+    header_bytes: u64,
     header: Header,
 }
 
@@ -236,7 +254,14 @@ impl Array {
             return Err(cut(()));
         }
         let header = Header::parse(&bytes, path)?;
-        Ok(Self { source, start: start + len as u64, end, header })
+        let header_bytes = len as u64;
+        Ok(Self { source, start: start + header_bytes, end, header_bytes, header })
+    }
+
+    /// All of its rows, of so many bytes each.
+    fn lane(&self, stride: usize) -> Lane {
+        let Self { start, end, header_bytes, .. } = *self;
+        Lane { source: self.source.fork(), start, end, stride, head_bytes: header_bytes, tail_end: end }
     }
 
     /// Whether it can be a table of events by itself.
@@ -285,7 +310,7 @@ impl Array {
         };
         let unit = names::column(&t_field.name).and_then(|(_, unit)| unit);
         let own = Own { unit: own.unit.or(unit), ..own };
-        let lane = Lane { source: self.source, start: self.start, end: self.end, stride: stride as usize };
+        let lane = self.lane(stride as usize);
         table(rows, vec![lane], [t, x, y, p], name, own, options, path)
     }
 
@@ -306,7 +331,7 @@ impl Array {
         let bytes = dtype.bytes;
         if !self.header.fortran_order {
             let places = COLUMNS.map(|c| Place { lane: 0, offset: columns.place(c) * bytes, dtype });
-            let lane = Lane { source: self.source, start: self.start, end: self.end, stride: 4 * bytes };
+            let lane = self.lane(4 * bytes);
             return table(rows, vec![lane], places, name, own, options, path);
         }
         // Column after column.
@@ -314,8 +339,14 @@ impl Array {
         let lane = |i: usize| {
             let start = self.start.saturating_add(column_bytes.saturating_mul(i as u64));
             let end = start.saturating_add(column_bytes);
-            let end = Some(self.end.map_or(end, |last| last.min(end)));
-            Lane { source: self.source.fork(), start, end, stride: bytes }
+            let column_end = Some(self.end.map_or(end, |last| last.min(end)));
+            Lane {
+                start,
+                end: column_end,
+                head_bytes: if i == 0 { self.header_bytes } else { 0 },
+                tail_end: if i == 3 { self.end } else { Some(end) },
+                ..self.lane(bytes)
+            }
         };
         let lanes = (0..4).map(lane).collect();
         let places = COLUMNS.map(|c| Place { lane: columns.place(c), offset: 0, dtype });
@@ -351,6 +382,9 @@ struct Own {
 pub(super) const TIME_UNIT: &str = "time_unit";
 pub(super) const SENSOR_SIZE: &str = "sensor_size";
 
+/// Longest member that is one of them.
+const OWN_BYTES_MAX: usize = 1024;
+
 impl Own {
     fn is_one(name: &str) -> bool {
         matches!(name, TIME_UNIT | SENSOR_SIZE)
@@ -365,11 +399,15 @@ impl Own {
         }
     }
 
-    /// A text and two numbers, if they are there.
-    fn of_members(members: &[Member], input: &Arc<Input>) -> Result<Self, Error> {
+    /// A text and two numbers, if they are there and sound.
+    fn of_members(members: &[Member], input: &Arc<Input>, damaged: &Damaged) -> Result<Self, Error> {
         let mut own = Self::default();
         for member in members.iter().filter(|member| Self::is_one(&member.name)) {
-            let head = member.head(input, 1024)?;
+            let head = member.head(input, OWN_BYTES_MAX)?;
+            if member.bytes <= OWN_BYTES_MAX as u64 && crc32fast::hash(&head) != member.crc {
+                damaged.add(&member.name);
+                continue;
+            }
             let Some(bytes) = header::len(&head).and_then(|len| head.get(len..)) else { continue };
             match member.name.as_str() {
                 TIME_UNIT => {

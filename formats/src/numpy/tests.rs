@@ -217,3 +217,122 @@ fn times_round_to_the_nearest_micros() {
     assert_eq!(micros(i128::from(u64::MAX), TimeUnit::Nanoseconds), Some(18_446_744_073_709_552));
     assert_eq!(micros(i128::from(i64::MAX), TimeUnit::Seconds), None);
 }
+
+/// One byte changed anywhere in a column, in its header or its rows: the events are given, and the damage is told, by
+/// any number of pieces.
+#[test]
+fn a_column_that_does_not_fit_its_checksum_is_told() {
+    let rows = 20_000i64;
+    let values = |i: i64| column("'<i8'", &(0..rows).map(|row| row * i % 7).collect::<Vec<_>>(), 8);
+    let columns = [("t", 1), ("x", 2), ("y", 3)].map(|(name, i)| (name, values(i)));
+    let p = ("p", column("'|u1'", &(0..rows).map(|row| row % 2).collect::<Vec<_>>(), 1));
+    let matrix: Vec<u8> = (0..rows * 4).flat_map(|i| (i % 2).to_le_bytes()).collect();
+    let shape = format!("({rows}, 4)");
+    let of_columns = npz(&columns.into_iter().chain([p]).collect::<Vec<_>>());
+    let by_row = npz(&[("it", npy("'<i8'", "False", &shape, &matrix))]);
+    let by_column = npz(&[("it", npy("'<i8'", "True", &shape, &matrix))]);
+    let longer = npz(&[("it", npy("'<i8'", "False", &shape, &[&matrix[..], &[9; 5000]].concat()))]);
+    for whole in [of_columns, by_row, by_column, longer] {
+        let options = options("us", "t,x,y,p");
+        let sound = file(&whole, &options).unwrap();
+        assert_eq!(crate::Check::of(&sound, |_| {}).warnings, Vec::<String>::new());
+        // Not in the headers before the members, which are told by the contents too.
+        let heads: Vec<_> =
+            whole.windows(4).enumerate().filter(|(_, four)| *four == archive::MAGIC).collect();
+        let in_head = |at: &usize| heads.iter().any(|(head, _)| (*head..*head + 60).contains(at));
+        for at in (60..whole.len() - 600).step_by(whole.len() / 31).filter(|at| !in_head(at)) {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1;
+            let Ok(recording) = file(&bytes, &options) else { continue };
+            let check = crate::Check::of(&recording, |_| {});
+            assert!(!check.sound && check.warnings.len() == 1, "byte {at}: {check:?}");
+            assert!(check.events + check.off_sensor + 5 > rows as u64, "byte {at}: {check:?}");
+            let loaded = recording.load().unwrap();
+            assert_eq!(loaded.counters().bytes_faulty, check.bytes_faulty, "byte {at}");
+        }
+    }
+}
+
+#[test]
+fn a_damaged_unit_is_not_believed() {
+    let unit = |letter: u8| npy("'<U2'", "False", "()", &[letter, 0, 0, 0, b's', 0, 0, 0]);
+    let events = npy(TXYP, "False", "(1,)", &txyp(&[(5, 1, 2, 1)]));
+    let whole = npz(&[("events", events), (table::TIME_UNIT, unit(b'u'))]);
+    check("", "", &whole, "?, 5 1 2 1");
+    let at = whole.windows(8).position(|bytes| bytes == b"u\0\0\0s\0\0\0").unwrap();
+    let mut changed = whole;
+    changed[at] = b'm';
+    refused("", "", &changed, &["--time-unit"]);
+}
+
+/// Columns behind the first 4 GiB of an archive, and columns longer than that, in a file of holes.
+#[test]
+fn archives_of_more_than_4_gib() {
+    use std::io::{Seek, SeekFrom, Write};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.npz");
+    let (rows, far) = (600_000_000u64, 4u64 << 30);
+    let mut file = std::fs::File::create(&path).unwrap();
+    let mut contents = Vec::new();
+    for (name, descr, width) in
+        [("frames", "'|u1'", 1), ("t", "'<i8'", 8), ("x", "'<u2'", 2), ("y", "'<u2'", 2), ("p", "'|u1'", 1)]
+    {
+        let count = if name == "frames" { far } else { rows };
+        let header = npy(descr, "False", &format!("({count},)"), &[]);
+        let bytes = header.len() as u64 + count * width;
+        let at = file.stream_position().unwrap();
+        let fixed = |stored: [u32; 3], extra: &[u8]| {
+            let fixed = [45u16, 0, 0, 0, 33].map(u16::to_le_bytes);
+            let lens = [name.len() as u16 + 4, extra.len() as u16].map(u16::to_le_bytes);
+            [fixed.as_flattened(), stored.map(u32::to_le_bytes).as_flattened(), lens.as_flattened()].concat()
+        };
+        // As CPython's zipfile has it: wide fields in the contents only for what needs them.
+        let long = [&[1, 0, 16, 0][..], &bytes.to_le_bytes(), &bytes.to_le_bytes()].concat();
+        let local = fixed([0, u32::MAX, u32::MAX], &long);
+        file.write_all(&[b"PK\x03\x04", &local[..], name.as_bytes(), b".npy", &long, &header].concat())
+            .unwrap();
+        let rows_at = file.stream_position().unwrap();
+        if name == "t" {
+            file.seek(SeekFrom::Start(rows_at + (rows - 1) * 8)).unwrap();
+            file.write_all(&7u64.to_le_bytes()).unwrap();
+        }
+        file.seek(SeekFrom::Start(rows_at + count * width)).unwrap();
+        let mut wide = Vec::new();
+        let is_long = bytes > u64::from(u32::MAX >> 1);
+        wide.extend([bytes, bytes].into_iter().filter(|_| is_long).flat_map(u64::to_le_bytes));
+        let is_far = at > u64::from(u32::MAX >> 1);
+        wide.extend(Some(at).filter(|_| is_far).into_iter().flat_map(u64::to_le_bytes));
+        let short = |number: u64, elsewhere: bool| if elsewhere { u32::MAX } else { number as u32 };
+        let extra = if wide.is_empty() { wide } else { [&[1, 0, wide.len() as u8, 0][..], &wide].concat() };
+        let sizes = [0, short(bytes, is_long), short(bytes, is_long)];
+        let entry =
+            [&[0; 10][..], &short(at, is_far).to_le_bytes(), name.as_bytes(), b".npy", &extra].concat();
+        contents.push([&b"PK\x01\x02\x2D\0"[..], &fixed(sizes, &extra), &entry].concat());
+    }
+    let at = file.stream_position().unwrap();
+    let contents = contents.concat();
+    let mut end = contents.clone();
+    end.extend([&b"PK\x06\x06"[..], &44u64.to_le_bytes(), &[45, 0, 45, 0], &[0; 8]].concat());
+    end.extend([5, 5, contents.len() as u64, at].map(u64::to_le_bytes).as_flattened());
+    end.extend(
+        [&b"PK\x06\x07\0\0\0\0"[..], &(at + contents.len() as u64).to_le_bytes(), &[1, 0, 0, 0]].concat(),
+    );
+    end.extend(
+        [&b"PK\x05\x06\0\0\0\0\x05\0\x05\0"[..], &(contents.len() as u32).to_le_bytes(), &[0xFF; 4], &[0; 2]]
+            .concat(),
+    );
+    file.write_all(&end).unwrap();
+    drop(file);
+    let recording = open_with(&path, &options("us", "")).unwrap();
+    assert_eq!(recording.streams()[1].name, "frames");
+    let first = recording.blocks().next_block().unwrap().unwrap().span().events.len();
+    assert!(first > 1000, "{first}");
+    // The last of many pieces, since to read all of it takes long.
+    let mut piece = recording.container().pieces(100_000).unwrap().pop().unwrap();
+    let mut events = vec![lobula_core::Event::default(); 8192];
+    let mut sink = lobula_core::Sink::new(&mut events);
+    assert_eq!(piece.cursor.fill(&mut sink).unwrap(), crate::container::Stop::End);
+    let block = sink.block(recording.block_geometry());
+    let times: Vec<_> = block.span().events.iter().rev().take(2).map(|event| event.t()).collect();
+    assert_eq!((times, piece.cursor.counters().bytes_faulty), (vec![7, 0], 0));
+}

@@ -225,6 +225,34 @@ fn write(path: &Path, geometry: Geometry, options: &WriteOptions) {
     writer.finish().unwrap();
 }
 
+/// An archive of 4.7 GB, with a member behind 4 GiB: Python's zipfile finds every checksum right, NumPy the column.
+#[test]
+#[ignore = "makes a Python environment, and a file of 4.7 GB with another of 1.9 GB beside it"]
+fn numpy_reads_an_archive_beyond_4_gib() {
+    let (times, rounds) = (1_000_000u32, 360u32);
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let path = folder.path().join("large.npz");
+    let geometry = Geometry::new(1280, 720);
+    let mut writer = Writer::create(&path, Some(geometry), &WriteOptions::default()).unwrap();
+    for round in 0..rounds {
+        let at = round * times;
+        let event = |i| Event::new(at + i, (i % 1280) as u16, 7, Polarity::from_bit(u16::from(i % 4 == 3)));
+        let events: Vec<_> = (0..times).map(event).collect();
+        let (t_first, t_last) = (u64::from(at), u64::from(at + times - 1));
+        writer.write(Span { t_first, t_last, geometry, events: &events }).unwrap();
+    }
+    assert!(writer.finish().unwrap().bytes > 4_600_000_000);
+    let script = "import sys, zipfile, numpy\n\
+        assert zipfile.ZipFile(sys.argv[1]).testzip() is None\n\
+        p = numpy.load(sys.argv[1])['p']\n\
+        print(len(p), p.sum())";
+    let output = Command::new(python()).args(["-c", script]).arg(&path).output().unwrap();
+    let told = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(told.trim(), "360000000 90000000", "{}", String::from_utf8_lossy(&output.stderr));
+    let summary = Summary::of(&open(&path).unwrap(), WithDigest::No).unwrap();
+    assert_eq!((summary.events, summary.on, summary.bytes_faulty), (360_000_000, 90_000_000, 0));
+}
+
 /// Every kind of stream that dv-processing writes is read, copied, and read by it again.
 #[test]
 #[ignore = "makes a Python environment: see the top of the file"]
