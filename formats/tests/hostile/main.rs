@@ -1,6 +1,7 @@
 //! Hostile files: no panic, bounded memory, every byte counted.
 #![allow(clippy::unwrap_used)] // helpers of tests may too
 
+mod ecf;
 mod sqlite;
 
 use lobula_core::wire::Encoding;
@@ -101,14 +102,15 @@ targets! {
     aedat31: Target { extension: "aedat", wholes: aedat31, say: |_| {}, reached: [20_000, 5_000] },
     aedat2: Target { extension: "aedat", wholes: aedat2, say: |_| {}, reached: [20_000, 5_000] },
     hdf5: Target { extension: "h5", wholes: hdf5, say: |_| {}, reached: [20_000, 1000] },
+    hdf5_ecf: Target { extension: "h5", wholes: hdf5_ecf, say: |_| {}, reached: [10_000, 1000] },
     es: Target { extension: "es", wholes: |path| vec![written(path, |_| {})], say: |_| {}, reached: [20_000, 10] },
     npy: Target { extension: "npy", wholes: |path| vec![written(path, |_| {})], say: |_| {}, reached: [20_000, 1_000] },
-    npz: Target { extension: "npz", wholes: |path| vec![written(path, |_| {})], say: |_| {}, reached: [20_000, 0] },
+    npz: Target { extension: "npz", wholes: |path| vec![written(path, |_| {})], say: |_| {}, reached: [20_000, 5_000] },
     npz_deflated: Target {
         extension: "npz",
         wholes: npz_deflated,
         say: |options| options.time_unit = Some(TimeUnit::Microseconds),
-        reached: [5_000, 0],
+        reached: [5_000, 1_000],
     },
     text: Target { extension: "csv", wholes: text, say: |_| {}, reached: [50_000, 20_000] },
     nmnist: Target { extension: "bin", wholes: nmnist, say: |_| {}, reached: [20_000, 0] },
@@ -220,6 +222,28 @@ fn hdf5(path: &Path) -> Vec<Vec<u8>> {
     own.into_iter().chain([dsec, triggers]).collect()
 }
 
+/// With every packing of columns, and triggers beside them.
+fn hdf5_ecf(_: &Path) -> Vec<Vec<u8>> {
+    use ecf::Mode::{AllPacked, ColumnsPacked, Runs};
+    [Runs, ColumnsPacked, AllPacked].map(ecf::small).into()
+}
+
+/// The seeds are what they are to be: the events that another file has, and all triggers.
+#[test]
+fn ecf_seeds_are_sound() {
+    let folder = tempfile::tempdir_in(memory()).unwrap();
+    let path = folder.path().join("it.h5");
+    let digest = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        let recording = open_with(&path, &OpenOptions::default()).unwrap();
+        assert_eq!(recording.warnings(), Vec::<String>::new());
+        let summary = Summary::of(&recording, WithDigest::Yes).unwrap();
+        (summary.sha256, summary.triggers)
+    };
+    let expected = digest(&with_triggers(&path, 5, |_| {}));
+    assert!(hdf5_ecf(&path).iter().all(|file| digest(file) == expected));
+}
+
 /// As NumPy deflates it: members of 480 events, in an archive without fields of zip64.
 fn npz_deflated(_: &Path) -> Vec<Vec<u8>> {
     let (mut archive, mut contents) = (Vec::new(), Vec::new());
@@ -236,7 +260,9 @@ fn npz_deflated(_: &Path) -> Vec<Vec<u8>> {
         let mut encoder = flate2::write::DeflateEncoder::new(Vec::new(), flate2::Compression::best());
         std::io::Write::write_all(&mut encoder, &member).unwrap();
         let packed = encoder.finish().unwrap();
-        let sizes = [0, packed.len() as u32, member.len() as u32].map(u32::to_le_bytes);
+        let mut crc = flate2::Crc::new();
+        crc.update(&member);
+        let sizes = [crc.sum(), packed.len() as u32, member.len() as u32].map(u32::to_le_bytes);
         let name = format!("{name}.npy");
         let head = [20u16, 0, 8, 0, 0].map(u16::to_le_bytes);
         let name_len = (name.len() as u16).to_le_bytes();

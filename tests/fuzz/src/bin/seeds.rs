@@ -1,5 +1,8 @@
 //! `seeds FOLDER EXTENSION`: writes small files to begin with, where we write that format.
 
+#[path = "../../../../formats/tests/hostile/ecf.rs"]
+mod ecf;
+
 use lobula_core::{Event, Geometry, Polarity, Span, wire::Encoding};
 use lobula_formats::{Compression, Error, WriteOptions, Writer};
 use std::path::Path;
@@ -7,6 +10,14 @@ use std::path::Path;
 fn main() {
     let args: Vec<_> = std::env::args().skip(1).collect();
     let [folder, extension] = &args[..] else { panic!("usage: seeds FOLDER EXTENSION") };
+    if extension == "h5" {
+        for mode in [ecf::Mode::Runs, ecf::Mode::ColumnsPacked, ecf::Mode::AllPacked] {
+            let seed = Path::new(folder).join(format!("ecf-{}.h5", mode as u8));
+            if let Err(error) = std::fs::write(&seed, ecf::small(mode)) {
+                panic!("{}: {error}", seed.display());
+            }
+        }
+    }
     for (i, encoding) in Encoding::ALL.iter().enumerate() {
         for (k, compression) in Compression::ALL.iter().map(Some).chain([None]).enumerate() {
             let mut options = WriteOptions::default();
