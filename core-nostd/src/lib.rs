@@ -43,6 +43,7 @@ pub mod pipeline;
 mod count_slicer;
 pub mod math;
 pub mod representation;
+mod sliding_slicer;
 pub mod statistics;
 pub mod tensor;
 pub mod vector;
@@ -59,6 +60,7 @@ pub use count_slicer::CountSlicer;
 pub use counters::{Counters, Fault, Faults};
 pub use event::{Event, Polarity};
 pub use geometry::{Geometry, WrongGeometry};
+pub use sliding_slicer::{BadGrid, Grid, Slide, SlidingSlicer, Stride};
 pub use stage::{
     Decode, Detector, Encode, Encoded, Filter, Refused, Representation, Shape, Transform, Unfit, Window,
 };

@@ -2,6 +2,7 @@
 //!
 //! The law for every implementer is chunk invariance: any split of the input gives the same output.
 
+use crate::representation::Overlap;
 use crate::{Block, Counters, Event, Geometry, Sink, Span, Trigger, WrongGeometry};
 use bytemuck::{Pod, Zeroable};
 
@@ -256,6 +257,20 @@ pub trait Representation {
     /// Of a sparse one: a window opens in memory that is zero already.
     fn begin_blank(&mut self, window: Window) {
         let _ = window;
+    }
+
+    /// How the tensors of windows that overlap are built, see [`Sliding`](crate::representation::Sliding). An
+    /// [`Overlap::Sum`] of events is a sum in `out` and depends neither on the window nor on the events' order; `finish` of it
+    /// or of an [`Overlap::OwnSum`] changes nothing but `out`.
+    fn overlap(&self) -> Overlap {
+        Overlap::Anew
+    }
+
+    /// Of a sum: takes away events that were accumulated. Returns whether it is then the sum of the others; if not,
+    /// because an element had more events than it can count, it has to be drawn anew.
+    fn take_away(&mut self, span: Span<'_>, out: &mut [Self::Pixel]) -> Result<bool, WrongGeometry> {
+        let _ = (span, out);
+        Ok(false)
     }
 
     /// Of a sparse one: the planes that these events of the open window change, or more. Plane `n` is bit `n % 16`.

@@ -252,6 +252,10 @@ mod tests {
         refused("[[filter]]\nkind = \"refractoryy\"\ndt_us = 1", &["did you mean `refractory`?"]);
         refused("[[filter]]\nkind = \"refractory\"\ndt_us = 2000000000", &["filter 0", "refractory"]);
         refused("[[view]]\nname = \"v\"\nkind = \"voxel_grid\"\nperiod_us = 0", &["view \"v\"", "period_us"]);
+        refused(
+            "[[view]]\nname = \"v\"\nkind = \"count\"\nperiod_us = 33000\nstride_us = 2000",
+            &["view \"v\"", "stride_us = 2000", "windows of 33000 µs"],
+        );
         refused("[[filter]]\nkind = \"time_shift\"\ndt_us = 1", &["filter 0 (time_shift)", "camera's time"]);
         refused(
             "[[filter]]\nkind = \"crop\"\nx = 0\ny = 0\nwidth = 0\nheight = 1",

@@ -91,6 +91,7 @@ pub fn tensor_info(view: &View, spec: &ViewSpec) -> TensorInfo {
         dtype: view.dtype(),
         shape: [extent(shape.channels), extent(shape.height), extent(shape.width)],
         period_us: u64::from(spec.period_us),
+        stride_us: u64::from(spec.stride_us.unwrap_or(spec.period_us)),
     }
 }
 

@@ -62,6 +62,7 @@ ops! {
     ReplayVoxel5 replay_voxel5: "EVT3 bytes to a voxel grid of 5 bins for each millisecond.";
     TimeSurface time_surface: "Events to a decayed time surface per polarity.";
     Count count: "Events to counts per pixel.";
+    SlidingCount sliding_count: "Events to counts per pixel of windows that overlap.";
     Binary binary: "Events to which pixels had any.";
     PolarityShare polarity_share: "Events to counts per pixel and polarity, as shares of the greatest.";
     AveragedTimeSurface averaged_time_surface: "Events to the mean decay per pixel and polarity.";

@@ -192,6 +192,10 @@ pub struct RenderArgs {
     /// Length of a window: µs, or a number with s, ms or us; windows begin at multiples of it
     #[arg(long, value_name = "TIME", default_value = "33ms", value_parser = convert::time)]
     pub period: Time,
+    /// From the start of one window to that of the next, a whole part of the period: shorter than it, windows overlap
+    /// [default: the period]
+    #[arg(long, value_name = "TIME", value_parser = convert::time)]
+    pub stride: Option<Time>,
     /// Another setting of the view, such as dtype=u16 or bins=9; again for more
     #[arg(long, value_name = "KEY=VALUE", value_parser = render::setting)]
     pub set: Vec<(String, String)>,

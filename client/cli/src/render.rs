@@ -51,6 +51,9 @@ impl RenderArgs {
         settings.insert("name".into(), Value::String("render".into()));
         settings.insert("kind".into(), Value::String(self.kind.clone()));
         settings.insert("period_us".into(), self.period.duration_us().map_err(wrong)?.into());
+        if let Some(stride) = self.stride {
+            settings.insert("stride_us".into(), stride.duration_us().map_err(wrong)?.into());
+        }
         serde_json::from_value(Value::Object(settings)).map_err(|error| wrong(format!("the view: {error}")))
     }
 }
@@ -66,7 +69,7 @@ impl Time {
     fn duration_us(self) -> Result<u64, String> {
         match self {
             Self { us, from_first: false } => Ok(us),
-            _ => Err("a period counts from nothing: leave the plus out".into()),
+            _ => Err("a length of time counts from nothing: leave the plus out".into()),
         }
     }
 }

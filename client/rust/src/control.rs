@@ -139,6 +139,8 @@ pub struct TensorInfo {
     pub shape: [u32; 3],
     /// How long a window is, in µs.
     pub period_us: u64,
+    /// From the start of one window to that of the next, in µs: less than that where windows overlap.
+    pub stride_us: u64,
 }
 
 /// State of the source.

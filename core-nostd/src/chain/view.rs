@@ -11,13 +11,14 @@ use alloc::vec::Vec;
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
-use super::cut::Cut;
+use super::cut::{Cut, Part};
 use crate::representation::{
-    BadRepresentation, Build, Dtype, Eraser, KeptSlice, Kind, Parameters, Pixel, for_each_parameter,
+    BadRepresentation, Build, Dtype, Eraser, KeptSlice, Kind, Overlap, Parameters, Pixel, Sliding,
+    for_each_parameter,
 };
 use crate::{
-    BadPeriod, Closed, CountSlicer, Event, Geometry, Piece, Representation, Shape, Slicer, Span, Window,
-    WrongGeometry, for_each_representation,
+    BadGrid, BadPeriod, Closed, CountSlicer, Event, Geometry, Grid, Piece, Representation, Shape, Slicer,
+    Slide, SlidingSlicer, Span, Window, WrongGeometry, for_each_representation,
 };
 
 /// Where ages are counted from.
@@ -50,9 +51,14 @@ macro_rules! view_spec {
             pub name: String,
             /// What kind of tensor.
             pub kind: Kind,
-            /// Length of its windows in µs, 1 to 2^30 - 1; they begin at multiples of it. None (0) with `slice_events`.
+            /// Length of its windows in µs, 1 to 2^30 - 1; they begin at multiples of it, or of `stride_us`. None (0) with
+            /// `slice_events`.
             #[serde(default, skip_serializing_if = "is_zero")]
             pub period_us: u32,
+            /// From the start of one window to that of the next, in µs: a whole part of `period_us`, 1/1024 of it at
+            /// least. Shorter than it, windows overlap ([`SlidingSlicer`]). Default `period_us`.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub stride_us: Option<u32>,
             /// Number of events of its windows, in place of `period_us`: 1 to 2^28. The reference is the last event.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub slice_events: Option<u32>,
@@ -63,8 +69,8 @@ macro_rules! view_spec {
             /// dropped and counted. Default: to the oldest event.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub window_us: Option<u32>,
-            /// With the last event as reference: how many events of a window are kept, 1 to 2^28; those beyond are dropped
-            /// and counted. Default 2^20, with `slice_events` as many.
+            /// With windows that overlap, or the last event as reference: how many events of a window are kept, 1 to 2^28;
+            /// those beyond are dropped and counted. Default 2^20, with `slice_events` as many.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub events_max: Option<u32>,
             /// Type of element; default u8 for counts, f32 else.
@@ -80,6 +86,7 @@ macro_rules! view_spec {
                     name: name.into(),
                     kind,
                     period_us,
+                    stride_us: None,
                     slice_events: None,
                     reference: None,
                     window_us: None,
@@ -116,27 +123,34 @@ impl ViewSpec {
     /// How many are kept unless told otherwise: 8 MiB of them.
     const EVENTS_DEFAULT: u32 = 1 << 20;
 
-    fn cut(&self) -> Result<Cut, BadView> {
+    fn cut(&self, geometry: Geometry) -> Result<Cut, BadView> {
+        if let Some(grid) = self.overlapping() {
+            let strides = zeroed(grid.strides().map_err(BadView::Grid)?)?;
+            let sliding = SlidingSlicer::try_new(grid, geometry, strides, zeroed(self.events_max()?)?);
+            return sliding.map(Cut::Sliding).map_err(BadView::Grid);
+        }
         let Some(events) = self.slice_events else {
             return Slicer::try_new(self.period_us).map(Cut::Time).map_err(BadView::Period);
         };
-        if self.period_us != 0 || self.reference == Some(Reference::WindowEnd) {
-            let key = if self.period_us != 0 { "period_us" } else { "reference" };
+        let meaningless = [
+            ("period_us", self.period_us != 0),
+            ("stride_us", self.stride_us.is_some()),
+            ("reference", self.reference == Some(Reference::WindowEnd)),
+        ];
+        if let Some((key, _)) = meaningless.into_iter().find(|(_, given)| *given) {
             return Err(BadView::NotWith { key, with: "slice_events" });
         }
         CountSlicer::try_new(events).map(Cut::Events).ok_or(events_range("slice_events", events))
     }
 
-    /// What its slices are kept in, if they are.
-    fn kept(&self) -> Result<Option<KeptSlice<Box<[Event]>>>, BadView> {
-        if self.slice_events.is_none() && self.reference != Some(Reference::LastEvent) {
-            let without = "a reference of last_event";
-            return match (self.window_us, self.events_max) {
-                (Some(_), _) => Err(BadView::NotWithout { key: "window_us", without }),
-                (_, Some(_)) => Err(BadView::NotWithout { key: "events_max", without }),
-                _ => Ok(None),
-            };
-        }
+    /// The grid of its windows, if they overlap.
+    fn overlapping(&self) -> Option<Grid> {
+        let stride_us = self.stride_us.filter(|stride_us| *stride_us != self.period_us)?;
+        self.slice_events.is_none().then_some(Grid { period_us: self.period_us, stride_us })
+    }
+
+    /// How many events of a window are kept, where they are.
+    fn events_max(&self) -> Result<usize, BadView> {
         let (key, events) = match (self.events_max, self.slice_events) {
             (Some(events), _) => ("events_max", events),
             (None, Some(events)) => ("slice_events", events),
@@ -145,7 +159,23 @@ impl ViewSpec {
         if !(1..=Self::EVENTS_MAX).contains(&events) {
             return Err(events_range(key, events));
         }
-        let memory = zeroed(events as usize)?;
+        Ok(events as usize)
+    }
+
+    /// What its slices are kept in, if they are.
+    fn kept(&self) -> Result<Option<KeptSlice<Box<[Event]>>>, BadView> {
+        if self.slice_events.is_none() && self.reference != Some(Reference::LastEvent) {
+            let without = "a reference of last_event";
+            return match (self.window_us, self.events_max) {
+                (Some(_), _) => Err(BadView::NotWithout { key: "window_us", without }),
+                (_, Some(_)) if self.overlapping().is_none() => {
+                    let without = "windows that overlap or a reference of last_event";
+                    Err(BadView::NotWithout { key: "events_max", without })
+                }
+                _ => Ok(None),
+            };
+        }
+        let memory = zeroed(self.events_max()?)?;
         KeptSlice::try_new(self.window_us, memory).map(Some).map_err(BadView::Representation)
     }
 }
@@ -160,6 +190,8 @@ fn events_range(key: &'static str, found: u32) -> BadView {
 pub enum BadView {
     /// The period.
     Period(BadPeriod),
+    /// The period and the stride.
+    Grid(BadGrid),
     /// A parameter of the representation.
     Representation(BadRepresentation),
     /// There is no memory for its state.
@@ -201,6 +233,7 @@ impl core::fmt::Display for BadView {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Period(error) => error.fmt(f),
+            Self::Grid(error) => error.fmt(f),
             Self::Representation(error) => error.fmt(f),
             Self::OutOfMemory { bytes } => write!(f, "no memory for its state of {bytes} bytes"),
             Self::Dtype { kind, dtype } => {
@@ -277,13 +310,13 @@ pub trait Canvas {
 
 type State = Box<[u32]>;
 
-/// Memory for so many elements, for the state of a representation or the events of a slice.
-fn zeroed<T: Zeroable + Clone>(len: usize) -> Result<Box<[T]>, BadView> {
+/// Memory for so many elements: the state of a representation, the events of a slice, a tensor.
+fn zeroed<T: Default + Clone>(len: usize) -> Result<Box<[T]>, BadView> {
     let mut memory = Vec::new();
     memory
         .try_reserve_exact(len)
         .map_err(|_| BadView::OutOfMemory { bytes: len.saturating_mul(size_of::<T>()) })?;
-    memory.resize(len, T::zeroed());
+    memory.resize(len, T::default());
     Ok(memory.into_boxed_slice())
 }
 
@@ -294,17 +327,29 @@ pub struct View {
     geometry: Geometry,
     representation: AnyRepresentation,
     kept: Option<KeptSlice<Box<[Event]>>>,
+    /// Where windows overlap and each is the sum of the one before and more.
+    sum: Option<Sum>,
     /// What was drawn where; made for the first canvas that keeps its memory.
     eraser: Option<Eraser<Box<[u32]>>>,
+}
+
+/// A tensor that goes on from window to window.
+#[derive(Debug)]
+struct Sum {
+    sliding: Sliding,
+    lines: Box<[Line]>,
 }
 
 impl View {
     /// Makes the view that the settings describe, for a sensor of this size.
     pub fn try_new(spec: &ViewSpec, geometry: Geometry) -> Result<Self, BadView> {
-        let cut = spec.cut()?;
+        let cut = spec.cut(geometry)?;
         let dtype = spec.dtype.unwrap_or(spec.kind.dtype());
         let representation = AnyRepresentation::try_new(spec.kind, dtype, &spec.parameters()?, geometry)?;
-        Ok(Self { cut, geometry, representation, kept: spec.kept()?, eraser: None })
+        let kept = spec.kept()?;
+        let is_sum = kept.is_none() && matches!(cut, Cut::Sliding(_));
+        let sum = if is_sum { representation.sum()? } else { None };
+        Ok(Self { cut, geometry, representation, kept, sum, eraser: None })
     }
 
     /// Extent of its tensors.
@@ -342,12 +387,12 @@ impl View {
         self.kept.as_ref().map_or(0, KeptSlice::older)
     }
 
-    /// Events dropped since their slice had more than `events_max`, since the start.
+    /// Events dropped since their slice or window had more than `events_max`, since the start.
     pub fn overflowed(&self) -> u64 {
-        self.kept.as_ref().map_or(0, KeptSlice::overflowed)
+        self.cut.overflowed() + self.kept.as_ref().map_or(0, KeptSlice::overflowed)
     }
 
-    /// Events that a pixel could not count any more, since the start.
+    /// Events that a pixel could not count any more, since the start; where windows overlap, each time it was drawn.
     pub fn saturated(&self) -> u64 {
         self.representation.saturated()
     }
@@ -359,21 +404,21 @@ impl View {
             return Err(PushError::Geometry(WrongGeometry { expected, found }));
         }
         let (cut, mut pen) = Pen::new(self, canvas);
-        cut.push(span, |piece| pen.draw(piece));
+        cut.push(span, |part| pen.draw(part));
         pen.done
     }
 
     /// Stream time has come to `now` µs, also without events: see [`Slicer::advance`].
     pub fn advance(&mut self, now: u64, canvas: &mut impl Canvas) -> Result<(), PushError> {
         let (cut, mut pen) = Pen::new(self, canvas);
-        cut.advance(now, |piece| pen.draw(piece));
+        cut.advance(now, |part| pen.draw(part));
         pen.done
     }
 
     /// The stream has ended at `now` µs: see [`Slicer::finish`].
     pub fn finish(&mut self, now: u64, canvas: &mut impl Canvas) -> Result<(), PushError> {
         let (cut, mut pen) = Pen::new(self, canvas);
-        cut.finish(now, |piece| pen.draw(piece));
+        cut.finish(now, |part| pen.draw(part));
         pen.done
     }
 }
@@ -382,6 +427,7 @@ impl View {
 struct Pen<'a, C> {
     representation: &'a mut AnyRepresentation,
     kept: &'a mut Option<KeptSlice<Box<[Event]>>>,
+    sum: &'a mut Option<Sum>,
     eraser: Option<&'a mut Eraser<Box<[u32]>>>,
     geometry: Geometry,
     canvas: &'a mut C,
@@ -390,21 +436,39 @@ struct Pen<'a, C> {
 
 impl<'a, C: Canvas> Pen<'a, C> {
     fn new(view: &'a mut View, canvas: &'a mut C) -> (&'a mut Cut, Self) {
-        let View { cut, geometry, representation, kept, eraser } = view;
+        let View { cut, geometry, representation, kept, sum, eraser } = view;
         if !canvas.keeps() {
             *eraser = None;
-        } else if eraser.is_none() && representation.is_sparse() {
+        } else if eraser.is_none() && sum.is_none() && representation.is_sparse() {
             // Without memory for it, tensors are zeroed whole.
             let shape = representation.shape();
             let log = zeroed(Eraser::<Box<[u32]>>::state_len(shape));
             *eraser = log.ok().map(|log| Eraser::new(shape, log));
         }
-        let pen =
-            Self { representation, kept, eraser: eraser.as_mut(), geometry: *geometry, canvas, done: Ok(()) };
-        (cut, pen)
+        let (eraser, geometry) = (eraser.as_mut(), *geometry);
+        (cut, Self { representation, kept, sum, eraser, geometry, canvas, done: Ok(()) })
     }
 
-    fn draw(&mut self, piece: Piece<'_>) {
+    fn draw(&mut self, part: Part<'_, '_>) {
+        match (part, &mut *self.sum) {
+            (Part::Piece(piece), _) => self.draw_piece(piece),
+            (Part::Slide(slide), Some(_)) => self.draw_sum(slide),
+            (Part::Slide(slide), None) => {
+                slide.pieces(self.representation.overlap(), |piece| self.draw_piece(piece));
+            }
+        }
+    }
+
+    /// A window that is the sum of the one before and more.
+    fn draw_sum(&mut self, slide: &Slide<'_>) {
+        let Some(sum) = self.sum else { return };
+        self.canvas.begin(slide.closed.window);
+        let drawn = self.representation.slide(slide, sum, self.canvas.memory().unwrap_or_default());
+        self.done = self.done.and(drawn);
+        self.canvas.end(slide.closed);
+    }
+
+    fn draw_piece(&mut self, piece: Piece<'_>) {
         if let Piece::Begin(window) = piece {
             self.canvas.begin(window);
         }
@@ -459,18 +523,27 @@ fn draw_kept<'a>(
     Ok(piece)
 }
 
-/// One piece into memory that may be none. Without usable memory a representation draws into an empty tensor, which
-/// costs nothing and keeps its state.
+/// The elements of a tensor that are lent, and whether they are of use. Without usable memory a representation draws into
+/// an empty tensor, which costs nothing and keeps its state.
+fn lent<'a, R: Representation>(
+    stage: &R,
+    memory: &'a mut [u8],
+) -> (&'a mut [R::Pixel], Result<(), PushError>) {
+    let (expected, found) = (stage.shape().len() * size_of::<R::Pixel>(), memory.len());
+    let pixels = if found == expected { bytemuck::try_cast_slice_mut(memory).ok() } else { None };
+    let usable = pixels.is_some() || found == 0;
+    let lent = if usable { Ok(()) } else { Err(PushError::Memory { expected, found }) };
+    (pixels.unwrap_or_default(), lent)
+}
+
+/// One piece into memory that may be none.
 fn draw<'a, R: Representation>(
     representation: &mut R,
     piece: Piece<'a>,
     memory: &mut [u8],
     eraser: Option<&mut Eraser<Box<[u32]>>>,
 ) -> Result<Piece<'a>, PushError> {
-    let (expected, found) = (representation.shape().len() * size_of::<R::Pixel>(), memory.len());
-    let pixels = if found == expected { bytemuck::try_cast_slice_mut(memory).ok() } else { None };
-    let usable = pixels.is_some() || found == 0;
-    let out: &mut [R::Pixel] = pixels.unwrap_or_default();
+    let (out, lent) = lent(representation, memory);
     match (piece, eraser) {
         (Piece::Begin(window), Some(eraser)) => eraser.begin(representation, window, out),
         (Piece::Begin(window), None) => representation.begin(window, out),
@@ -478,7 +551,31 @@ fn draw<'a, R: Representation>(
         (Piece::Events(span), None) => representation.accumulate(span, out)?,
         (Piece::End(_), _) => representation.finish(out),
     }
-    if usable { Ok(piece) } else { Err(PushError::Memory { expected, found }) }
+    lent.map(|()| piece)
+}
+
+/// A window that overlaps the one before it, into memory that may be none.
+fn slide<R: Representation>(
+    representation: &mut R,
+    slide: &Slide<'_>,
+    sum: &mut Sum,
+    memory: &mut [u8],
+) -> Result<(), PushError> {
+    let (out, lent) = lent(representation, memory);
+    let elements: &mut [R::Pixel] = bytemuck::cast_slice_mut(&mut sum.lines);
+    let elements = elements.get_mut(..Sliding::sum_len(representation)).unwrap_or_default();
+    sum.sliding.draw(representation, slide, elements, out)?;
+    lent
+}
+
+/// The memory of a sum, where there is one.
+fn sum<R: Representation>(representation: &R) -> Result<Option<Sum>, BadView> {
+    if !matches!(representation.overlap(), Overlap::Sum | Overlap::OwnSum) {
+        return Ok(None);
+    }
+    let bytes = Sliding::sum_len(representation) * size_of::<R::Pixel>();
+    let lines = zeroed(bytes.div_ceil(size_of::<Line>()))?;
+    Ok(Some(Sum { sliding: Sliding::new(), lines }))
 }
 
 macro_rules! any_representation {
@@ -531,6 +628,24 @@ macro_rules! any_representation {
                 }
             }
 
+            fn overlap(&self) -> Overlap {
+                match self {
+                    $(Self::$variant(representation) => representation.overlap(),)*
+                }
+            }
+
+            fn sum(&self) -> Result<Option<Sum>, BadView> {
+                match self {
+                    $(Self::$variant(representation) => sum(representation),)*
+                }
+            }
+
+            fn slide(&mut self, window: &Slide<'_>, sum: &mut Sum, memory: &mut [u8]) -> Result<(), PushError> {
+                match self {
+                    $(Self::$variant(representation) => slide(representation, window, sum, memory),)*
+                }
+            }
+
             fn draw<'a>(
                 &mut self,
                 piece: Piece<'a>,
@@ -564,6 +679,12 @@ for_each_representation!(any_representation, State);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Line(pub [u8; 64]);
+
+impl Default for Line {
+    fn default() -> Self {
+        Self::zeroed()
+    }
+}
 
 /// A canvas of its own memory, which it reuses: calls a function with each complete tensor.
 ///
@@ -688,6 +809,57 @@ mod tests {
         }
     }
 
+    /// Every 1 ms, of 7 ms. Those that begin at multiples of 7 ms are the windows that do not overlap, to the bit, but for
+    /// surfaces that remember late events from windows before.
+    #[test]
+    fn windows_that_overlap_give_the_same_bytes_in_any_split() {
+        for kind in Kind::ALL.iter().copied() {
+            let apart = ViewSpec::new("v", kind, 7_000);
+            let spec = ViewSpec { stride_us: Some(1_000), ..apart.clone() };
+            let whole = tensors(&spec, 5_000);
+            assert_eq!(whole.len(), 95);
+            assert_eq!(tensors(&spec, 63), whole, "{kind:?}");
+            let remembers =
+                View::try_new(&spec, GEOMETRY).unwrap().representation.overlap() == Overlap::Memory;
+            let aligned = whole.iter().filter(|(closed, _)| closed.window.t0 % 7_000 == 0 && !remembers);
+            for ((closed, tensor), (of, expected)) in aligned.zip(tensors(&apart, 5_000)) {
+                assert_eq!((closed.window, closed.events), (of.window, of.events));
+                assert!(*tensor == expected, "{kind:?} {closed:?}");
+            }
+            let same = ViewSpec { stride_us: Some(7_000), ..apart.clone() };
+            assert!(tensors(&same, 63) == tensors(&apart, 63), "{kind:?}");
+            let last = ViewSpec { reference: Some(Reference::LastEvent), ..spec };
+            assert!(tensors(&last, 63) == tensors(&last, 5_000), "{kind:?}");
+        }
+    }
+
+    /// Each window counts what its strides do, but for what there was no room to keep.
+    #[test]
+    fn windows_that_overlap_count_what_their_strides_do() {
+        let stride = ViewSpec { dtype: Some(Dtype::U16), ..ViewSpec::new("v", Kind::Count, 1_000) };
+        let spec = ViewSpec { stride_us: Some(1_000), period_us: 5_000, ..stride.clone() };
+        let total = |tensor: &[u8]| {
+            let counts = tensor.as_chunks().0.iter().map(|count| u64::from(u16::from_ne_bytes(*count)));
+            counts.sum::<u64>()
+        };
+        let strides: Vec<u64> = tensors(&stride, 5_000).iter().map(|(closed, _)| closed.events).collect();
+        let windows = tensors(&spec, 63);
+        assert_eq!(windows.len() + 4, strides.len());
+        for ((closed, tensor), strides) in windows.iter().zip(strides.windows(5)) {
+            assert_eq!((closed.events, total(tensor)), (strides.iter().sum(), strides.iter().sum()));
+        }
+        let few = ViewSpec { events_max: Some(120), ..spec };
+        let mut view = View::try_new(&few, GEOMETRY).unwrap();
+        let mut kept = 0;
+        let mut canvas = Offline::new(view.len_bytes(), |_, bytes: &[u8]| kept = kept.max(total(bytes)));
+        let span = Span { t_first: 0, t_last: 99_980, geometry: GEOMETRY, events: &events() };
+        view.push(span, &mut canvas).unwrap();
+        view.finish(100_000, &mut canvas).unwrap();
+        assert_eq!(kept, 120);
+        // Of the 250 events of 5 ms, half: the last 2 ms and more of each 5.
+        assert!((2_500..2_700).contains(&view.overflowed()), "{}", view.overflowed());
+    }
+
     /// A window that ends at the newest event, whatever the grid; what is dropped is counted.
     #[test]
     fn the_last_event_is_the_reference() {
@@ -778,6 +950,22 @@ mod tests {
             (
                 r#"{"name": "v", "kind": "count", "slice_events": 9, "reference": "window_end"}"#,
                 "reference means nothing beside slice_events: remove it",
+            ),
+            (
+                r#"{"name": "v", "kind": "count", "slice_events": 9, "stride_us": 3}"#,
+                "stride_us means nothing beside slice_events: remove it",
+            ),
+            (
+                r#"{"name": "v", "kind": "count", "period_us": 9, "stride_us": 2}"#,
+                "stride_us = 2 is no stride of windows of 9 µs: give a whole part of them, 1/1024 at least",
+            ),
+            (
+                r#"{"name": "v", "kind": "count", "period_us": 9, "stride_us": 3, "events_max": 0}"#,
+                "events_max = 0 is out of range: give 1 to 2^28 events",
+            ),
+            (
+                r#"{"name": "v", "kind": "count", "period_us": 9, "events_max": 9}"#,
+                "events_max means nothing without windows that overlap or a reference of last_event: remove it",
             ),
             (
                 r#"{"name": "v", "kind": "count", "slice_events": 0}"#,

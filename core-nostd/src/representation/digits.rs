@@ -7,6 +7,7 @@ use core::ops::Range;
 
 use crate::representation::BadRepresentation;
 use crate::representation::index::{Draw, Places, draw_each};
+use crate::representation::pixel::uncount_each;
 use crate::vector::widest;
 use crate::{Event, Geometry};
 
@@ -67,6 +68,14 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
         self.carried |= counting.carried;
         self.saturated += counting.saturated;
         self.counted = true;
+    }
+
+    /// Takes back what counting these events did; returns whether the counts are then those of the others. Where there
+    /// is a digit but the lowest they are not, and all have to be cleared.
+    pub(super) fn take_away(&mut self, events: &[Event]) -> bool {
+        let digits: &mut [u8] = bytemuck::cast_slice_mut(self.state.as_mut());
+        let lowest = digits.get_mut(..2 * self.geometry.pixels()).unwrap_or_default();
+        !self.carried && uncount_each(Places::by_polarity(self.geometry), events, lowest)
     }
 
     /// The lowest digits of both planes, ON and OFF.

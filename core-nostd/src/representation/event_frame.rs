@@ -7,7 +7,7 @@ use core::marker::PhantomData;
 
 use crate::representation::index::{Draw, Places, draw_each};
 use crate::representation::pixel::Signed;
-use crate::representation::{BadRepresentation, Build, Parameters, check};
+use crate::representation::{BadRepresentation, Build, Dtype, Overlap, Parameters, check};
 use crate::vector::widest;
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
@@ -71,8 +71,9 @@ impl<P: Signed> Representation for EventFrame<P> {
 
     fn accumulate(&mut self, span: Span<'_>, out: &mut [P]) -> Result<(), WrongGeometry> {
         check(self.geometry, &span)?;
-        let (places, combine) = (Places::by_pixel(self.geometry), self.combine);
-        let mut signing = Signing { latest: combine == Combine::Latest, saturated: 0, pixel: PhantomData };
+        let places = Places::by_pixel(self.geometry);
+        let latest = self.combine == Combine::Latest;
+        let mut signing = Signing { latest, saturated: 0, pixel: PhantomData };
         widest(
             #[inline(always)]
             || draw_each(span.events, places, out, &mut signing),
@@ -82,6 +83,23 @@ impl<P: Signed> Representation for EventFrame<P> {
     }
 
     fn finish(&mut self, _: &mut [P]) {}
+
+    /// What a sum of bytes comes to depends on where in the window it stopped at a limit.
+    fn overlap(&self) -> Overlap {
+        let is_sum = self.combine == Combine::Sum && P::DTYPE == Dtype::F32;
+        if is_sum { Overlap::Sum } else { Overlap::Anew }
+    }
+
+    fn take_away(&mut self, span: Span<'_>, out: &mut [P]) -> Result<bool, WrongGeometry> {
+        check(self.geometry, &span)?;
+        let mut taking = Opposite(Signing { latest: false, saturated: 0, pixel: PhantomData });
+        let places = Places::by_pixel(self.geometry);
+        widest(
+            #[inline(always)]
+            || draw_each(span.events, places, out, &mut taking),
+        );
+        Ok(taking.0.saturated == 0)
+    }
 }
 
 /// Adds the sign of each event, or puts it there.
@@ -106,6 +124,24 @@ impl<P: Signed> Draw for Signing<P> {
             let from = if self.latest { P::NONE } else { *cell };
             *cell = from.step(on, &mut self.saturated);
         }
+    }
+}
+
+/// Signs as if each event were of the other polarity.
+struct Opposite<P>(Signing<P>);
+
+impl<P: Signed> Draw for Opposite<P> {
+    type Pixel = P;
+    type Value = bool;
+
+    #[inline(always)]
+    fn prepare(&self, event: Event, at: &mut u32) -> bool {
+        !self.0.prepare(event, at)
+    }
+
+    #[inline(always)]
+    fn draw(&mut self, out: &mut [P], at: usize, on: bool) {
+        self.0.draw(out, at, on);
     }
 }
 

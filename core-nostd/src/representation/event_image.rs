@@ -6,7 +6,7 @@ use crate::math::exp;
 use crate::representation::index::Places;
 use crate::representation::stamps::Stamps;
 use crate::representation::time_surface::{DECAYS_MAX, TAU_US_MAX};
-use crate::representation::{BadRepresentation, Build, Parameters, check};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check};
 use crate::vector::widest;
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
@@ -115,6 +115,10 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for EventImage<S> {
             #[inline(always)]
             || fade(now, tau_us, map, colours, channels),
         );
+    }
+
+    fn overlap(&self) -> Overlap {
+        Overlap::Memory
     }
 }
 

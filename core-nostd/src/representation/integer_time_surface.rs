@@ -6,7 +6,7 @@
 use crate::math::exp;
 use crate::representation::index::{Draw, Places, draw_each};
 use crate::representation::time_surface::{Decay, TAU_US_MAX};
-use crate::representation::{BadRepresentation, Build, Parameters, check};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check};
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Ages that the table tells; all greater ones are 0.
@@ -166,6 +166,10 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for IntegerTimeSurface<S> {
             let age = usize::from(now.wrapping_sub(*last));
             *pixel = table.get(age).copied().unwrap_or_default();
         }
+    }
+
+    fn overlap(&self) -> Overlap {
+        Overlap::Memory
     }
 }
 

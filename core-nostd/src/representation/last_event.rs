@@ -3,7 +3,7 @@
 //! Other libraries count ages from the newest event of a slice, and cut slices by number of events; here the window's end
 //! is the reference. Both meet in a window that ends at the newest event.
 
-use crate::representation::{BadRepresentation, check};
+use crate::representation::{BadRepresentation, Overlap, check};
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Reaches further back than this from the newest event are 2^30 µs.
@@ -202,5 +202,10 @@ impl<R: Representation, E: AsRef<[Event]> + AsMut<[Event]>> Representation for L
         // Only another geometry is refused, and it is the same.
         let _ = self.inner.accumulate(span, out);
         self.inner.finish(out);
+    }
+
+    /// The reference moves with the window, so that no sum can go on.
+    fn overlap(&self) -> Overlap {
+        if self.inner.overlap() == Overlap::Memory { Overlap::Memory } else { Overlap::Anew }
     }
 }

@@ -7,7 +7,7 @@ use core::marker::PhantomData;
 use crate::math::sqrt;
 use crate::representation::index::Places;
 use crate::representation::stamps::{AGE_US_MAX, Stamps};
-use crate::representation::{BadRepresentation, Build, Parameters, Real, check};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters, Real, check};
 use crate::vector::widest;
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
@@ -129,6 +129,10 @@ impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> Representation for Mcts<P, S> {
                 || recency(now, 1.0 / scale, map, plane),
             );
         }
+    }
+
+    fn overlap(&self) -> Overlap {
+        Overlap::Memory
     }
 }
 

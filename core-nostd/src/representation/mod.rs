@@ -26,6 +26,7 @@
 //! | [`EventImage`] | 3 x H x W (red, green, blue) | u8 | the last event's colour, fading |
 //!
 //! Ages are counted from the window's end; [`LastEvent`] counts any of them from the newest event.
+//! [`Sliding`] draws windows that overlap, each from the one before where that is possible.
 //! `Slice*` need the whole window before they know any value: they keep it in the caller's memory.
 //!
 //! Rows from the top, columns from the left, row-major.
@@ -43,6 +44,7 @@ mod integer_time_surface;
 mod last_event;
 mod mcts;
 mod mixed_density_stack;
+mod overlap;
 mod parameters;
 mod patches;
 mod pixel;
@@ -72,6 +74,7 @@ pub use integer_time_surface::IntegerTimeSurface;
 pub use last_event::{KeptSlice, LastEvent};
 pub use mcts::{Mcts, Scales};
 pub use mixed_density_stack::MixedDensityStack;
+pub use overlap::{Overlap, Sliding};
 #[cfg(all(feature = "alloc", feature = "serde"))]
 pub(crate) use parameters::for_each_parameter;
 pub use parameters::{List, Parameters};

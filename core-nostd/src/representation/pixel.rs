@@ -6,7 +6,8 @@ use bytemuck::Pod;
 use half::f16;
 
 use crate::Event;
-use crate::representation::index::Draw;
+use crate::representation::index::{Draw, Places, draw_each};
+use crate::vector::widest;
 
 /// Type of a tensor's element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -54,6 +55,9 @@ pub trait Pixel: Pod + PartialEq + core::fmt::Debug + sealed::Sealed {
 pub trait Tally: Pixel {
     /// Counts one more; where it can count no further, `saturated` does.
     fn count(&mut self, saturated: &mut u64);
+
+    /// Takes one back; returns whether that is sure: of the greatest number it is not, there may have been more.
+    fn uncount(&mut self) -> bool;
 }
 
 /// An element that sums signs. Sealed.
@@ -106,6 +110,13 @@ impl Tally for u8 {
             *saturated += 1;
         }
     }
+
+    #[inline(always)]
+    fn uncount(&mut self) -> bool {
+        let full = *self == Self::MAX;
+        *self = self.wrapping_sub(1);
+        !full
+    }
 }
 
 impl Tally for u16 {
@@ -119,6 +130,13 @@ impl Tally for u16 {
             *saturated += 1;
         }
     }
+
+    #[inline(always)]
+    fn uncount(&mut self) -> bool {
+        let full = *self == Self::MAX;
+        *self = self.wrapping_sub(1);
+        !full
+    }
 }
 
 impl Tally for f32 {
@@ -128,6 +146,13 @@ impl Tally for f32 {
         let more = *self + 1.0;
         *saturated += u64::from(more == *self);
         *self = more;
+    }
+
+    #[inline(always)]
+    fn uncount(&mut self) -> bool {
+        let full = *self + 1.0 == *self;
+        *self -= 1.0;
+        !full
     }
 }
 
@@ -178,6 +203,36 @@ impl<P: Tally> Draw for Counting<P> {
     fn draw(&mut self, out: &mut [P], at: usize, (): ()) {
         if let Some(cell) = out.get_mut(at) {
             cell.count(&mut self.saturated);
+        }
+    }
+}
+
+/// Takes back what counting these events did to their pixels; returns whether that is sure of all of them.
+pub(super) fn uncount_each<P: Tally>(places: Places, events: &[Event], out: &mut [P]) -> bool {
+    let mut uncounting = Uncounting { sure: true, pixel: PhantomData };
+    widest(
+        #[inline(always)]
+        || draw_each(events, places, out, &mut uncounting),
+    );
+    uncounting.sure
+}
+
+struct Uncounting<P> {
+    sure: bool,
+    pixel: PhantomData<P>,
+}
+
+impl<P: Tally> Draw for Uncounting<P> {
+    type Pixel = P;
+    type Value = ();
+
+    #[inline(always)]
+    fn prepare(&self, _: Event, _: &mut u32) {}
+
+    #[inline(always)]
+    fn draw(&mut self, out: &mut [P], at: usize, (): ()) {
+        if let Some(cell) = out.get_mut(at) {
+            self.sure &= cell.uncount();
         }
     }
 }

@@ -3,8 +3,8 @@
 use core::marker::PhantomData;
 
 use crate::representation::index::{Places, draw_each};
-use crate::representation::pixel::Counting;
-use crate::representation::{BadRepresentation, Build, Parameters, Tally, check};
+use crate::representation::pixel::{Counting, uncount_each};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters, Tally, check};
 use crate::vector::widest;
 use crate::{Event, Geometry, Representation, Shape, Span, WrongGeometry};
 
@@ -61,6 +61,15 @@ impl<P: Tally> Representation for PolarityHistogram<P> {
 
     fn is_sparse(&self) -> bool {
         true
+    }
+
+    fn overlap(&self) -> Overlap {
+        Overlap::Sum
+    }
+
+    fn take_away(&mut self, span: Span<'_>, out: &mut [P]) -> Result<bool, WrongGeometry> {
+        check(self.geometry, &span)?;
+        Ok(uncount_each(Places::by_polarity(self.geometry), span.events, out))
     }
 }
 

@@ -5,7 +5,7 @@
 //! Cameras, CVPR 2019, algorithm 1.
 
 use crate::representation::patches::{Patches, Stamp};
-use crate::representation::{BadRepresentation, Build, Parameters, check};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check};
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Speed invariant time surface (SITS) by polarity: 2 x H x W (ON, OFF) of u8, 0 to `(2 radius + 1)^2`.
@@ -69,6 +69,10 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for Sits<S> {
 
     fn finish(&mut self, out: &mut [u8]) {
         self.patches.write(out);
+    }
+
+    fn overlap(&self) -> Overlap {
+        Overlap::Memory
     }
 }
 

@@ -3,7 +3,7 @@
 //! Source: GEPT's event image (its equation 2), as `countmask` of eventcv 1.0.8 has it.
 
 use crate::representation::digits::Digits;
-use crate::representation::{BadRepresentation, Build, Parameters, check, check_percentile};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check, check_percentile};
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// What stands for no events in an image.
@@ -93,6 +93,15 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SliceCountmask<S> {
         self.counts.map(0, red, level);
         self.counts.map(pixels, blue, level);
         self.counts.any(green, [byte(0.0), byte(1.0)]);
+    }
+
+    fn overlap(&self) -> Overlap {
+        Overlap::OwnSum
+    }
+
+    fn take_away(&mut self, span: Span<'_>, _: &mut [u8]) -> Result<bool, WrongGeometry> {
+        check(self.geometry, &span)?;
+        Ok(self.counts.take_away(span.events))
     }
 }
 

@@ -3,7 +3,7 @@
 //! Source: `polarity` of eventcv 1.0.8, in its normalised form.
 
 use crate::representation::digits::Digits;
-use crate::representation::{BadRepresentation, Build, Parameters, check};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check};
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Number of events of each pixel by polarity, as a share of the greatest: 2 x H x W (ON, OFF) of u8.
@@ -63,6 +63,15 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SlicePolarityHistogram<S
     fn finish(&mut self, out: &mut [u8]) {
         let max = u64::from(self.counts.max()).max(1);
         self.counts.map(0, out, |count| ((u64::from(count) * 255 + max / 2) / max) as u8);
+    }
+
+    fn overlap(&self) -> Overlap {
+        Overlap::OwnSum
+    }
+
+    fn take_away(&mut self, span: Span<'_>, _: &mut [u8]) -> Result<bool, WrongGeometry> {
+        check(self.geometry, &span)?;
+        Ok(self.counts.take_away(span.events))
     }
 }
 

@@ -3,7 +3,7 @@
 //! Source: `redblue` of eventcv 1.0.8.
 
 use crate::representation::digits::Digits;
-use crate::representation::{BadRepresentation, Build, Parameters, check, check_percentile};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check, check_percentile};
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// ON red, OFF blue, on white: 3 x H x W (red, green, blue) of u8.
@@ -76,6 +76,15 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SliceRedBlue<S> {
         self.counts.map_pairs(red, levels, |on, off| if on >= off { u8::MAX } else { faded(off) });
         self.counts.map_pairs(green, levels, |on, off| faded(on.max(off)));
         self.counts.map_pairs(blue, levels, |on, off| if on >= off { faded(on) } else { u8::MAX });
+    }
+
+    fn overlap(&self) -> Overlap {
+        Overlap::OwnSum
+    }
+
+    fn take_away(&mut self, span: Span<'_>, _: &mut [u8]) -> Result<bool, WrongGeometry> {
+        check(self.geometry, &span)?;
+        Ok(self.counts.take_away(span.events))
     }
 }
 

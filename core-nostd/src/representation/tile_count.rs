@@ -2,8 +2,8 @@
 
 use core::marker::PhantomData;
 
-use crate::representation::{BadRepresentation, Build, Parameters, Tally, check};
-use crate::{Geometry, Representation, Shape, Span, WrongGeometry};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters, Tally, check};
+use crate::{Event, Geometry, Representation, Shape, Span, WrongGeometry};
 
 /// Number of events of each square tile, of either polarity: 1 x ceil(H / tile) x ceil(W / tile) of u16 or f32.
 ///
@@ -47,6 +47,19 @@ impl<P: Tally> TileCount<P> {
     const fn tiles(&self, pixels: u16) -> usize {
         ((pixels as u32 + (1 << self.shift) - 1) >> self.shift) as usize
     }
+
+    /// Changes the tile of each event.
+    #[inline(always)]
+    fn each(&self, events: &[Event], out: &mut [P], mut change: impl FnMut(&mut P)) {
+        let tiles_in_row = self.tiles(self.geometry.width);
+        for event in events {
+            let (row, column) = (event.y() >> self.shift, event.x() >> self.shift);
+            let at = usize::from(row).wrapping_mul(tiles_in_row).wrapping_add(column.into());
+            if let Some(tile) = out.get_mut(at) {
+                change(tile);
+            }
+        }
+    }
 }
 
 impl<P: Tally> Representation for TileCount<P> {
@@ -59,18 +72,24 @@ impl<P: Tally> Representation for TileCount<P> {
 
     fn accumulate(&mut self, span: Span<'_>, out: &mut [P]) -> Result<(), WrongGeometry> {
         check(self.geometry, &span)?;
-        let tiles_in_row = self.tiles(self.geometry.width);
-        for event in span.events {
-            let (row, column) = (event.y() >> self.shift, event.x() >> self.shift);
-            let at = usize::from(row).wrapping_mul(tiles_in_row).wrapping_add(column.into());
-            if let Some(tile) = out.get_mut(at) {
-                tile.count(&mut self.saturated);
-            }
-        }
+        let mut saturated = 0;
+        self.each(span.events, out, |tile| tile.count(&mut saturated));
+        self.saturated += saturated;
         Ok(())
     }
 
     fn finish(&mut self, _: &mut [P]) {}
+
+    fn overlap(&self) -> Overlap {
+        Overlap::Sum
+    }
+
+    fn take_away(&mut self, span: Span<'_>, out: &mut [P]) -> Result<bool, WrongGeometry> {
+        check(self.geometry, &span)?;
+        let mut sure = true;
+        self.each(span.events, out, |tile| sure &= tile.uncount());
+        Ok(sure)
+    }
 }
 
 impl<P: Tally, S> Build<S> for TileCount<P> {

@@ -8,7 +8,7 @@ use core::marker::PhantomData;
 use crate::math::exp;
 use crate::representation::index::Places;
 use crate::representation::stamps::{AGE_US_MAX, Stamps};
-use crate::representation::{BadRepresentation, Build, Parameters, Real, check};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters, Real, check};
 use crate::vector::widest;
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
@@ -115,6 +115,10 @@ impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> Representation for TimeSurface<P, 
                 Decay::Linear => linear(now, tau_us, map, out),
             },
         );
+    }
+
+    fn overlap(&self) -> Overlap {
+        Overlap::Memory
     }
 }
 

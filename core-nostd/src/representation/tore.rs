@@ -6,7 +6,7 @@
 use crate::math::ln;
 use crate::representation::index::{Draw, Places, draw_each};
 use crate::representation::stamps::{AGE_US_MAX, Stamps};
-use crate::representation::{BadRepresentation, Build, Parameters, check};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check};
 use crate::vector::widest;
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
@@ -115,6 +115,10 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for Tore<S> {
                 || scale(now, queues.get(k..).unwrap_or_default(), depth, age_max, ln_min, out),
             );
         }
+    }
+
+    fn overlap(&self) -> Overlap {
+        Overlap::Memory
     }
 }
 

@@ -4,7 +4,7 @@
 //! Source: Glover et al., luvHarris: A Practical Corner Detector for Event-cameras, TPAMI 2021, algorithm 1.
 
 use crate::representation::patches::{Patches, Stamp};
-use crate::representation::{BadRepresentation, Build, Parameters, check};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check};
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Threshold ordinal surface (TOS) of both polarities: 1 x H x W of u8, 0 or `threshold` to 255.
@@ -74,6 +74,10 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for Tos<S> {
 
     fn finish(&mut self, out: &mut [u8]) {
         self.patches.write(out);
+    }
+
+    fn overlap(&self) -> Overlap {
+        Overlap::Memory
     }
 }
 

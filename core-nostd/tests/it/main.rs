@@ -15,6 +15,7 @@ mod round_trip;
 #[cfg(feature = "alloc")]
 mod simulation;
 mod slice;
+mod sliding;
 mod statistics;
 mod streams;
 mod tensor;

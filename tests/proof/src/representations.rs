@@ -2,10 +2,10 @@
 
 use crate::export;
 use crate::export::{Export, slice_mut};
-use lobula_core::representation::{BadRepresentation, Build, Eraser, LastEvent, Parameters, Tencode};
+use lobula_core::representation::{BadRepresentation, Build, Eraser, LastEvent, Parameters, Sliding, Tencode};
 use lobula_core::{
-    BadPeriod, CountSlicer, Event, Geometry, Piece, Representation, Shape, Slicer, Span, Window,
-    WrongGeometry, for_each_representation,
+    BadGrid, BadPeriod, CountSlicer, Event, Geometry, Grid, Piece, Representation, Shape, Slicer, Slide,
+    SlidingSlicer, Span, Stride, Window, WrongGeometry, for_each_representation,
 };
 
 type State = &'static mut [u32];
@@ -106,6 +106,46 @@ unsafe fn slicer(at: *mut Slicer, period_us: u32) -> Result<(), BadPeriod> {
     Slicer::try_new(period_us).map(|slicer| unsafe { at.write(slicer) })
 }
 
+type Overlapping = SlidingSlicer<&'static mut [Stride], &'static mut [Event]>;
+
+unsafe fn slide(
+    at: *mut Overlapping,
+    grid: Grid,
+    geometry: Geometry,
+    strides: (*mut Stride, usize),
+    events: (*mut Event, usize),
+) -> Result<(), BadGrid> {
+    // SAFETY: the caller's promise.
+    let (strides, events) = unsafe { (slice_mut(strides.0, strides.1), slice_mut(events.0, events.1)) };
+    // SAFETY: the caller's promise.
+    SlidingSlicer::try_new(grid, geometry, strides, events).map(|slicer| unsafe { at.write(slicer) })
+}
+
+/// A view of windows that overlap, as firmware would drive it.
+unsafe fn slides<R: Representation>(
+    stage: *mut R,
+    slicer: *mut Overlapping,
+    span: *const Span<'_>,
+    sum: (*mut R::Pixel, usize),
+    out: (*mut R::Pixel, usize),
+    done: extern "C" fn(u64, u64),
+) -> Result<(), WrongGeometry> {
+    // SAFETY: the caller's promise.
+    let (stage, slicer, span) = unsafe { (&mut *stage, &mut *slicer, *span) };
+    // SAFETY: the caller's promise.
+    let (sum, out) = unsafe { (slice_mut(sum.0, sum.1), slice_mut(out.0, out.1)) };
+    let mut sliding = Sliding::new();
+    let mut each = |slide: &Slide<'_>| {
+        let _ = sliding.draw(stage, slide, sum, out);
+        done(slide.closed.window.t1, slide.len() as u64);
+    };
+    slicer.push(span, &mut each)?;
+    slicer.advance(span.t_last, &mut each);
+    slicer.finish(span.t_last, &mut each);
+    done(slicer.late() + slicer.skipped() + slicer.overflowed(), Sliding::sum_len(stage) as u64);
+    Ok(())
+}
+
 type Kept = LastEvent<Tencode<State>, &'static mut [Event]>;
 
 unsafe fn keep(
@@ -146,6 +186,8 @@ macro_rules! representations {
             export!(end),
             export!(eraser),
             export!(count),
+            export!(slide),
+            export!(slides::<Kept>),
             export!(keep),
             export!(begin::<Kept>),
             export!(accumulate::<Kept>),
@@ -158,6 +200,7 @@ macro_rules! representations {
                 export!(finish::<$type>),
                 export!(erased::<$type>),
                 export!(view::<$type>),
+                export!(slides::<$type>),
             )+
         ];
     };

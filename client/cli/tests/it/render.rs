@@ -49,6 +49,29 @@ fn an_array_holds_every_event_once() {
 }
 
 #[test]
+fn windows_that_overlap_hold_every_event_in_each_of_them() {
+    let Some(from) = data(RECORDING) else { return };
+    let from = from.to_str().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let counts = |name: &str, times: &[&str]| {
+        let path = folder.path().join(name);
+        let args =
+            ["render", from, path.to_str().unwrap(), "--kind", "count", "--set", "dtype=u16", "--json"];
+        let told = json(&[&args[..], times].concat());
+        assert_eq!((&told["overflowed"], &told["saturated"]), (&0.into(), &0.into()));
+        npy(&path).1.chunks_exact(2 * 720 * 1280).map(<[u8]>::to_vec).collect::<Vec<_>>()
+    };
+    let millisecond = counts("1.npy", &["--period", "1ms"]);
+    let sliding = counts("4.npy", &["--period", "4ms", "--stride", "1ms"]);
+    assert_eq!(sliding.len(), millisecond.len() - 3);
+    let number = |word: &[u8]| u16::from_le_bytes([word[0], word[1]]);
+    for (window, strides) in sliding.iter().zip(millisecond.windows(4)) {
+        let sum = |at| strides.iter().map(|stride| number(&stride[at..at + 2])).sum::<u16>();
+        assert!((0..window.len()).step_by(2).all(|at| number(&window[at..at + 2]) == sum(at)));
+    }
+}
+
+#[test]
 fn pictures_have_the_sensor_s_size_and_show_events() {
     let Some(from) = data(RECORDING) else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -82,6 +105,8 @@ fn what_cannot_be_says_what_to_do() {
     );
     assert!(said(&[npy, "--kind", "count", "--set", "bisn=3"]).contains("unknown field `bisn`"));
     assert!(said(&[npy, "--kind", "count", "--period", "+1s"]).contains("leave the plus out"));
+    let stride = said(&[npy, "--kind", "count", "--period", "5ms", "--stride", "2ms"]);
+    assert!(stride.contains("stride_us = 2000 is no stride of windows of 5000 µs"), "{stride}");
     assert!(said(&[jpg, "--kind", "count"]).contains("a name that ends in .npy"));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is left of it");
 }
