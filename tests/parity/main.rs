@@ -11,6 +11,7 @@
 
 mod filters;
 mod representations;
+mod statistics;
 mod transforms;
 
 use lobula_core::{Block, Event, Geometry, SPAN_MAX_US, Span, full_time};
@@ -34,7 +35,7 @@ const DIFFERENCES: &[(&str, &str)] = &[
     (NOT_YET, "not here yet"),
 ];
 
-const NOT_YET: &str = "event_rate pset";
+const NOT_YET: &str = "pset";
 
 /// An operation of both.
 struct Op {
@@ -180,7 +181,7 @@ impl Theirs {
 }
 
 fn ops() -> Vec<&'static Op> {
-    [filters::OPS, representations::OPS, transforms::OPS].into_iter().flatten().collect()
+    [filters::OPS, representations::OPS, statistics::OPS, transforms::OPS].into_iter().flatten().collect()
 }
 
 #[test]

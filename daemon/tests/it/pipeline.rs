@@ -97,18 +97,23 @@ fn views_are_the_same_bytes_as_offline() {
     let specs: Vec<ViewSpec> = serde_json::from_str(
         r#"[{ "name": "surface", "kind": "time_surface", "period_us": 7000 },
             { "name": "voxel", "kind": "voxel_grid", "period_us": 10000, "bins": 3 },
-            { "name": "count", "kind": "count", "period_us": 1000 }]"#,
+            { "name": "count", "kind": "count", "period_us": 1000 },
+            { "name": "sum", "kind": "count", "period_us": 8000, "stride_us": 2000 },
+            { "name": "anew", "kind": "voxel_grid", "period_us": 8000, "stride_us": 4000 }]"#,
     )
     .unwrap();
     let expected: Vec<_> = specs.iter().map(|spec| offline_view(&path, spec)).collect();
     let views = "[[view]]\nname = \"surface\"\nkind = \"time_surface\"\nperiod_us = 7000\n\
         [[view]]\nname = \"voxel\"\nkind = \"voxel_grid\"\nperiod_us = 10000\nbins = 3\n\
-        [[view]]\nname = \"count\"\nkind = \"count\"\nperiod_us = 1000\n";
+        [[view]]\nname = \"count\"\nkind = \"count\"\nperiod_us = 1000\n\
+        [[view]]\nname = \"sum\"\nkind = \"count\"\nperiod_us = 8000\nstride_us = 2000\n\
+        [[view]]\nname = \"anew\"\nkind = \"voxel_grid\"\nperiod_us = 8000\nstride_us = 4000\n";
     let daemon = stage.daemon(&(lossless(&path) + FILTERS_TOML + views));
+    let clients = specs.len() as u32;
     let received: Vec<_> = std::thread::scope(|scope| {
         let of = |spec: &ViewSpec| {
             let (stage, name) = (&stage, spec.name.clone());
-            scope.spawn(move || receive_view(&stage.client(), &name, 3))
+            scope.spawn(move || receive_view(&stage.client(), &name, clients))
         };
         let handles: Vec<_> = specs.iter().map(of).collect();
         handles.into_iter().map(|handle| handle.join().unwrap()).collect()
