@@ -1,4 +1,5 @@
-//! `report [--json] [--only OP] [--rounds N] [--tensor-events N]`: each operation and the same one of a peer, in turn on one core.
+//! `report [--json] [--only OP]... [--rounds N] [--tensor-events N]`: each operation, or those named, and the same one of
+//! a peer, in turn on one core.
 //!
 //! With feature `peers` beside eventcv-core 1.0.11, else alone. Figures are medians of CPU time; a side that gives a
 //! wrong answer ends the report with exit code 1.
@@ -10,22 +11,22 @@ use lobula_benches::input::{EVENTS, Scene, TENSOR_EVENTS};
 use lobula_benches::op::Op;
 use lobula_benches::{clock, instructions, peers};
 
-const USAGE: &str = "usage: report [--json] [--only OP] [--rounds N] [--tensor-events N]";
+const USAGE: &str = "usage: report [--json] [--only OP]... [--rounds N] [--tensor-events N]";
 
 struct Options {
     json: bool,
-    only: Option<Op>,
+    only: Vec<Op>,
     rounds: usize,
     tensor_events: usize,
 }
 
 impl Options {
     fn parse(mut args: impl Iterator<Item = String>) -> Result<Self, String> {
-        let mut options = Self { json: false, only: None, rounds: 5, tensor_events: TENSOR_EVENTS };
+        let mut options = Self { json: false, only: Vec::new(), rounds: 5, tensor_events: TENSOR_EVENTS };
         while let Some(arg) = args.next() {
             match arg.as_str() {
                 "--json" => options.json = true,
-                "--only" => options.only = Some(op(&args.next().ok_or(USAGE)?)?),
+                "--only" => options.only.push(op(&args.next().ok_or(USAGE)?)?),
                 "--rounds" => options.rounds = number(&args.next().ok_or(USAGE)?)?,
                 "--tensor-events" => options.tensor_events = number(&args.next().ok_or(USAGE)?)?,
                 _ => return Err(format!("{arg} is no option; {USAGE}")),
@@ -76,7 +77,7 @@ fn report(options: &Options) -> Result<(), String> {
     if !options.json {
         println!("{}", heading());
     }
-    for op in Op::ALL.iter().filter(|op| options.only.is_none_or(|only| only == **op)) {
+    for op in Op::ALL.iter().filter(|op| options.only.is_empty() || options.only.contains(op)) {
         for contest in op.contests(&scene, peer.as_deref())? {
             let alone = cfg!(feature = "peers") && contest.peers.is_empty();
             let mut line = contest.run(options.rounds)?;

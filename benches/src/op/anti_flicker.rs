@@ -9,9 +9,6 @@ use crate::contest::Contest;
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "anti_flicker";
-
 /// The operation's contests; no peer has it.
 ///
 /// # Errors

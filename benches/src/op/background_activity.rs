@@ -8,9 +8,6 @@ use crate::contest::Contest;
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "background_activity";
-
 /// How long ago a neighbour's event supports, in µs.
 pub const WITHIN_US: u32 = 1_000;
 

@@ -8,9 +8,6 @@ use crate::contest::Contest;
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "binary";
-
 /// The operation's contests.
 ///
 /// # Errors

@@ -8,9 +8,6 @@ use crate::contest::Contest;
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "crop";
-
 /// The rectangle.
 pub const PARAMS: CropParams = CropParams { x: 160, y: 120, width: 960, height: 480 };
 

@@ -9,9 +9,6 @@ use crate::contest::Contest;
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "decimate";
-
 /// Of how many events one is kept.
 pub const N: u32 = 4;
 

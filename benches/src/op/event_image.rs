@@ -8,9 +8,6 @@ use crate::contest::Contest;
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "event_image";
-
 /// How fast colours fade, in µs.
 pub const TAU_US: u32 = 30_000;
 

@@ -8,9 +8,6 @@ use crate::contest::{Contest, Protocol, Unit};
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "evt3_decode";
-
 /// The operation's contests.
 ///
 /// # Errors
@@ -20,7 +17,7 @@ pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<V
         same_events(&scene.events, &peer.events(Op::Evt3Decode))?;
     }
     let contest = |kernel, protocol, ours, bar| Contest {
-        op: NAME,
+        op: Op::Evt3Decode.name(),
         kernel,
         protocol,
         unit: Unit::Rate,

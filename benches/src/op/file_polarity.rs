@@ -7,9 +7,6 @@ use crate::contest::Contest;
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "file_polarity";
-
 /// The operation's contests.
 ///
 /// # Errors

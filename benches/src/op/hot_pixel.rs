@@ -10,9 +10,6 @@ use crate::contest::{Contest, Protocol};
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "hot_pixel";
-
 /// How many standard deviations above the mean of the active pixels a count must be.
 pub const SIGMAS: f32 = 3.0;
 
@@ -24,7 +21,7 @@ pub const SIGMAS: f32 = 3.0;
 pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<Vec<Contest<'a>>, String> {
     let op = Thinned {
         op: Op::HotPixel,
-        bar_stream: None,
+        bar_stream: Some(5.0),
         note: "same events; whole: learn the mask and apply it; stream: apply it; peer: no streaming form",
     };
     let mut filter = learn(scene)?;

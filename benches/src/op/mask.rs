@@ -9,9 +9,6 @@ use crate::contest::Contest;
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "mask";
-
 /// Whether a pixel is in the set: four of five, spread over the sensor.
 pub const fn inside(x: u16, y: u16) -> bool {
     !(x as u32 * 7 + y as u32 * 3).is_multiple_of(5)

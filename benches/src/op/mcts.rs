@@ -8,9 +8,6 @@ use crate::contest::Contest;
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "mcts";
-
 /// The longest scale in µs.
 pub const MAX_WINDOW_US: u32 = 30_000;
 

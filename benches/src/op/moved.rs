@@ -2,7 +2,10 @@
 
 use std::hint::black_box;
 
-use lobula_core::{Event, Span, Transform};
+use lobula_core::augmentation::Seed;
+use lobula_core::chain::{AnyTransform, FilterSpec};
+use lobula_core::transform::TransformError;
+use lobula_core::{Event, Geometry, Span, Transform};
 use lobula_formats::LargeArray;
 
 use super::{Op, same_events, worked_on};
@@ -12,6 +15,40 @@ use crate::peers::Library;
 
 /// Packets of the `stream` protocol, which are in the second-level cache, as they are between two stages of a chain.
 const RESIDENT_PACKETS: usize = 32;
+
+/// The contests of a transform of these settings, which gives the peer's events.
+///
+/// # Errors
+/// A sentence, where it cannot be made or the peer gives other events.
+pub fn of_settings<'a>(
+    op: Op,
+    scene: &'a Scene,
+    peer: Option<&'a dyn Library>,
+    settings: FilterSpec,
+) -> Result<Vec<Contest<'a>>, String> {
+    let make = move || match AnyTransform::try_new(&settings, scene.geometry) {
+        Some(made) => made.map_err(|cause| format!("{cause:?}")),
+        None => Err(format!("{} is no transform", settings.kind())),
+    };
+    Moved { op, same: true, note: "same events; peer: fresh columns, no streaming form" }
+        .contests(scene, peer, make)
+}
+
+/// The contests of a random transform that `make` makes of these settings: it gives other events than the peer's.
+///
+/// # Errors
+/// A sentence, where it cannot be made.
+pub fn at_random<'a, P: Copy + 'a, T: Transform + Clone + 'a>(
+    op: Op,
+    scene: &'a Scene,
+    peer: Option<&'a dyn Library>,
+    make: fn(Geometry, P, Seed) -> Result<T, TransformError>,
+    settings: P,
+) -> Result<Vec<Contest<'a>>, String> {
+    let note = "of another generator of random numbers; peer: fresh columns, no streaming form";
+    Moved { op, same: false, note }
+        .contests(scene, peer, move || make(scene.geometry, settings, Seed::default()))
+}
 
 /// An operation that moves events.
 pub struct Moved {

@@ -8,9 +8,6 @@ use crate::contest::Contest;
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "refractory";
-
 /// The refractory period in µs.
 pub const PERIOD_US: u32 = 1_000;
 

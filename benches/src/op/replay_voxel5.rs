@@ -13,9 +13,6 @@ use crate::contest::{Contest, Protocol, Unit, Work};
 use crate::input::{PACKET_EVENTS, Scene};
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "replay_voxel5";
-
 /// Length of a window in µs.
 pub const PERIOD_US: u32 = 1_000;
 
@@ -25,7 +22,7 @@ pub const PERIOD_US: u32 = 1_000;
 /// A sentence, where the view cannot be made.
 pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<Vec<Contest<'a>>, String> {
     Ok(vec![Contest {
-        op: NAME,
+        op: Op::ReplayVoxel5.name(),
         kernel: "auto",
         protocol: Protocol::Stream,
         unit: Unit::Rate,
@@ -39,7 +36,7 @@ pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<V
 }
 
 fn replay(scene: &Scene) -> Result<Work<'_>, String> {
-    let spec = ViewSpec { bins: Some(BINS), ..ViewSpec::new(NAME, Kind::VoxelGrid, PERIOD_US) };
+    let spec = ViewSpec { bins: Some(BINS), ..ViewSpec::new(Op::ReplayVoxel5.name(), Kind::VoxelGrid, PERIOD_US) };
     let view = move || View::try_new(&spec, scene.geometry).map_err(|e| e.to_string());
     let len_bytes = view()?.len_bytes();
     let mut buffer = vec![Event::default(); PACKET_EVENTS];

@@ -3,12 +3,10 @@
 use lobula_core::representation::{Count, Overlap, Sliding};
 use lobula_core::{Event, Grid, Piece, Representation, Slide, SlidingSlicer, Stride};
 
+use super::Op;
 use crate::contest::{Contest, Peer, Protocol, Unit, Work};
 use crate::input::{Scene, packets};
 use crate::peers::Library;
-
-/// The name in reports.
-pub const NAME: &str = "sliding_count";
 
 const GRID: Grid = Grid { period_us: 33_000, stride_us: 1_000 };
 /// More than a window of the scene has.
@@ -34,7 +32,7 @@ pub fn contests<'a>(scene: &'a Scene, _: Option<&'a dyn Library>) -> Result<Vec<
         })
     };
     Ok(vec![Contest {
-        op: NAME,
+        op: Op::SlidingCount.name(),
         kernel: "auto",
         protocol: Protocol::Stream,
         unit: Unit::Rate,

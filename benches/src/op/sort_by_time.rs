@@ -12,9 +12,6 @@ use crate::contest::{Contest, Protocol};
 use crate::input::{Scene, block_of};
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "sort_by_time";
-
 /// The operation's contest: whole alone, since it needs all events.
 ///
 /// # Errors
@@ -27,7 +24,7 @@ pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<V
     };
     let sorted = sort(scene)?;
     if let Some(peer) = peer {
-        same_events(&sorted, &peer.events(op.op)).map_err(|e| format!("{NAME}: {e}"))?;
+        same_events(&sorted, &peer.events(op.op)).map_err(|e| format!("{}: {e}", op.op.name()))?;
     }
     let count = sorted.len();
     let ours = Box::new(|| black_box(sort(scene)).map_or(0, |sorted| sorted.len() as u64));

@@ -8,9 +8,6 @@ use crate::contest::Contest;
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "tencode";
-
 /// Elements at which the clock stepped back between the last event and the newest.
 const OUTLIERS: usize = 1000;
 

@@ -5,11 +5,35 @@ use std::hint::black_box;
 
 use bytemuck::Zeroable;
 use lobula_core::Representation;
+use lobula_core::representation::{Build, Parameters};
 
 use super::Op;
 use crate::contest::{Contest, Protocol, Unit, Work};
 use crate::input::{Scene, packets};
 use crate::peers::Library;
+
+/// The contests of a representation in its defaults, which no peer has.
+///
+/// # Errors
+/// A sentence, where it cannot be made.
+pub fn of_defaults<'a, R>(
+    op: Op,
+    scene: &'a Scene,
+    _: Option<&'a dyn Library>,
+) -> Result<Vec<Contest<'a>>, String>
+where
+    R: Build<Vec<u32>> + 'static,
+    R::Pixel: Into<f32>,
+{
+    let parameters = Parameters::default();
+    let make =
+        move || R::build(&parameters, scene.geometry, vec![0; R::state_len(&parameters, scene.geometry)]);
+    make().map_err(|e| e.to_string())?;
+    #[allow(clippy::expect_used)] // it was made above
+    let make = move || make().expect("made above");
+    Tensor { op, bar_stream: 2.0, tolerance: 0.0, note: "with the settings that are its defaults" }
+        .contests(scene, None, make)
+}
 
 /// An operation that builds a tensor.
 pub struct Tensor {
@@ -79,8 +103,16 @@ impl Tensor {
         ])
     }
 
-    /// Whether all but `outliers` elements are the peer's.
-    fn same<P: Copy + Into<f32>>(&self, outliers: usize, ours: &[P], theirs: &[f32]) -> Result<(), String> {
+    /// Refuses tensors of which more than `outliers` elements are not the peer's.
+    ///
+    /// # Errors
+    /// A sentence.
+    pub fn same<P: Copy + Into<f32>>(
+        &self,
+        outliers: usize,
+        ours: &[P],
+        theirs: &[f32],
+    ) -> Result<(), String> {
         if ours.len() != theirs.len() {
             return Err(format!("{}: ours {} elements, theirs {}", self.op.name(), ours.len(), theirs.len()));
         }
@@ -99,7 +131,7 @@ impl Tensor {
 }
 
 /// A fresh tensor of the scene's events, packet by packet.
-fn build<R: Representation>(scene: &Scene, representation: &mut R) -> Vec<R::Pixel> {
+pub fn build<R: Representation>(scene: &Scene, representation: &mut R) -> Vec<R::Pixel> {
     let mut out = fresh(representation);
     fill(scene, representation, &mut out);
     out

@@ -14,6 +14,20 @@ use crate::peers::Library;
 /// A time in µs that no scene reaches.
 const FAR_US: u64 = 1 << 48;
 
+/// The contests of a filter of these settings, which keeps the peer's events.
+///
+/// # Errors
+/// A sentence, where it cannot be made or the peer keeps other events.
+pub fn of_settings<'a>(
+    op: Op,
+    scene: &'a Scene,
+    peer: Option<&'a dyn Library>,
+    filter: FilterSpec,
+) -> Result<Vec<Contest<'a>>, String> {
+    let note = "same events; peer: fresh columns, no streaming form";
+    Thinned { op, bar_stream: Some(2.0), note }.of_settings(scene, peer, filter)
+}
+
 /// An operation that thins a stream.
 pub struct Thinned {
     /// Which.

@@ -8,13 +8,11 @@ use crate::contest::Contest;
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "time_surface";
-
 /// Decay in µs.
 pub const TAU_US: u32 = 30_000;
 
-type Surface = TimeSurface<f32, Vec<u32>>;
+/// Its type.
+pub type Surface = TimeSurface<f32, Vec<u32>>;
 
 /// The operation's contests.
 ///
@@ -32,7 +30,11 @@ pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<V
     op.contests(scene, peer, || surface(scene).expect("made above"))
 }
 
-fn surface(scene: &Scene) -> Result<Surface, String> {
+/// The surface of the operation.
+///
+/// # Errors
+/// A sentence, where it cannot be made.
+pub fn surface(scene: &Scene) -> Result<Surface, String> {
     let map = vec![0; Surface::state_len(scene.geometry)];
     Surface::try_new(scene.geometry, TAU_US, map).map_err(|e| e.to_string())
 }

@@ -8,9 +8,6 @@ use crate::contest::Contest;
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "warp_affine";
-
 /// The map: turned a little, stretched and shifted.
 pub const MATRIX: [[f64; 3]; 2] = [[0.95, -0.2, 120.5], [0.2, 0.95, -90.25]];
 

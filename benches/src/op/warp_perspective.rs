@@ -8,9 +8,6 @@ use crate::contest::Contest;
 use crate::input::Scene;
 use crate::peers::Library;
 
-/// The name in reports.
-pub const NAME: &str = "warp_perspective";
-
 /// The map: a plane that leans back.
 pub const MATRIX: [[f64; 3]; 3] = [[0.95, -0.2, 120.5], [0.2, 0.95, -90.25], [1e-4, -5e-5, 1.0]];
 

@@ -7,6 +7,7 @@ use std::hint::black_box;
 use std::path::PathBuf;
 
 use eventcv_core::camera::Camera;
+use eventcv_core::image::PoolingMethod;
 use eventcv_core::io::{EventConsumer, EvtVersion, LoadOptions, SliceSource};
 use eventcv_core::io::{decode_words, open_raw_slice, read_raw};
 use eventcv_core::representation::{
@@ -165,15 +166,18 @@ impl EventCv {
             Op::HotPixel => {
                 stream("hot_pixel_filter", |all| all.hot_pixel_filter(op::hot_pixel::SIGMAS.into()))
             }
+            Op::KeepPolarity => stream("filter_polarity", |all| all.filter_polarity(true)),
             Op::Decimate => stream("decimate", |all| all.decimate(op::decimate::N as usize)),
             Op::Mask => stream("mask", |all| all.mask(&mask(all), all.sensor_size().0, all.sensor_size().1)),
             Op::Crop => stream("crop", |all| all.crop(160, 120, 960, 480)),
             Op::FlipX => stream("flip_x", |all| all.flip_x()),
+            Op::FlipY => stream("flip_y", |all| all.flip_y()),
             Op::Rotate90 => stream("rotate90", |all| all.rotate90(1)),
             Op::Transpose => stream("transpose", |all| all.transpose()),
             Op::Translate => stream("translate", |all| all.translate(50, -20)),
             Op::Resize => stream("resize", |all| all.resize(346, 260)),
             Op::ResizeHalf => stream("resize", |all| all.resize(640, 360)),
+            Op::Scale => stream("scale", |all| all.scale(0.5, 0.5)),
             Op::WarpAffine => stream("warp_affine", |all| all.warp_affine(op::warp_affine::MATRIX)),
             Op::WarpPerspective => {
                 stream("warp_perspective", |all| all.warp_perspective(op::warp_perspective::MATRIX))
@@ -182,15 +186,32 @@ impl EventCv {
             Op::InvertPolarity => stream("invert_polarity", |all| all.invert_polarity()),
             Op::TimeShift => stream("time_shift", |all| all.time_shift(12_345)),
             Op::TimeScale => stream("time_scale", |all| all.time_scale(2.5)),
+            Op::TimeWindow => stream("time_window", |all| {
+                let time = |t: Option<&i64>| t.copied().unwrap_or_default().unsigned_abs();
+                let (t0, t1) = op::middle_half(time(all.ts().first()), time(all.ts().last()));
+                all.time_window(t0 as i64, t1 as i64)
+            }),
+            Op::NormalizeTime => stream("normalize_time", |all| all.normalize_time()),
             Op::EventDrop => stream("event_drop", |all| all.event_drop(0.5, 0)),
             Op::PixelDropout => stream("pixel_dropout", |all| all.pixel_dropout(0.1, 0)),
             Op::SpatialJitter => stream("spatial_jitter", |all| all.spatial_jitter(1.0, 0)),
+            Op::TimeJitter => stream("time_jitter", |all| all.time_jitter(10.0, 0)),
+            Op::RandomFlipX => stream("random_flip_x", |all| all.random_flip_x(1.0, 0)),
+            Op::RandomFlipY => stream("random_flip_y", |all| all.random_flip_y(1.0, 0)),
+            Op::RandomPolarityFlip => stream("random_polarity_flip", |all| all.random_polarity_flip(1.0, 0)),
+            Op::RandomCrop => stream("random_crop", |all| all.random_crop(640, 360, 0)),
             Op::SortByTime => stream("sort_by_time", |all| all.sort_by_time()),
             Op::Evt3Decode | Op::Evt2Decode | Op::Evt21Decode | Op::Voxel5Share | Op::ReplayVoxel5 => {
                 return None;
             }
             Op::Denoise | Op::Stcf | Op::DoubleWindow | Op::Trail | Op::Inceptive => return None,
-            Op::LeakyHotPixel | Op::AntiFlicker | Op::RateLimit => return None,
+            Op::LeakyHotPixel | Op::AntiFlicker | Op::RateLimit | Op::RegionOfInterest => return None,
+            Op::StackedHistogram | Op::MixedDensityStack | Op::EventSpikeTensor => return None,
+            Op::Tore | Op::Sits | Op::Tos | Op::TensorBytes | Op::Intervals | Op::SlidingCount => {
+                return None;
+            }
+            Op::RandomRotation | Op::RandomTranslation | Op::DropByArea => return None,
+            Op::Merge | Op::EventRate | Op::TensorResize => return None, // see `ways`
             Op::FilePolarity | Op::FileVoxel5 | Op::FileTimeSurface => return None, // see `fused`
         })
     }
@@ -234,12 +255,47 @@ impl EventCv {
         Peer { expected, ..peer("slice_time 1 ms, VoxelGrid::generate", Box::new(replay)) }
     }
 
+    /// Two streams made before, put together and sorted.
+    fn merge(&self) -> Peer<'_> {
+        let [on, off] = [true, false].map(|polarity| self.stream.filter_polarity(polarity));
+        let merge = move || black_box(on.concat(&[&off]).sort_by_time()).len() as u64;
+        peer("concat, sort_by_time", Box::new(merge))
+    }
+
+    fn event_rate(&self) -> Peer<'_> {
+        let rate = || {
+            black_box(self.stream.event_rate(op::statistics::BIN_US.into()));
+            self.stream.len() as u64
+        };
+        peer("event_rate", Box::new(rate))
+    }
+
+    /// Its time surface, made before, at half the resolution.
+    fn resize(&self) -> Option<Peer<'_>> {
+        let surface = self.surface()?;
+        let (channels, height, width) = surface.shape();
+        let resize = move || black_box(smaller(&surface)).map_or(0, |_| (channels * height * width) as u64);
+        Some(peer("EventFrame::resize", Box::new(resize)))
+    }
+
+    fn surface(&self) -> Option<EventFrame> {
+        match self.made(Op::TimeSurface)?.work {
+            Making::Frame(make) => make(self).ok(),
+            Making::Stream(_) => None,
+        }
+    }
+
     /// The events of a mask learnt before.
     fn masked(&self) -> Peer<'_> {
         let mask = self.stream.hot_pixel_mask(op::hot_pixel::SIGMAS.into());
         let masked = move || black_box(self.stream.drop_masked_pixels(&mask)).len() as u64;
         peer("drop_masked_pixels", Box::new(masked))
     }
+}
+
+fn smaller(frame: &EventFrame) -> Option<EventFrame> {
+    let (width, height) = op::tensor_end::SMALLER;
+    frame.resize(width, height, PoolingMethod::Average).ok()
 }
 
 /// The camera of `undistort`.
@@ -285,6 +341,9 @@ impl Library for EventCv {
             (Op::HotPixel, Protocol::Stream) => vec![self.masked()],
             (Op::Mask, _) => vec![self.inside()],
             (Op::ReplayVoxel5, _) => vec![self.replay()],
+            (Op::Merge, _) => vec![self.merge()],
+            (Op::EventRate, _) => vec![self.event_rate()],
+            (Op::TensorResize, _) => self.resize().into_iter().collect(),
             // Of the decoders of other formats see `decoders`.
             _ => self.making(op).into_iter().collect(),
         }
@@ -344,16 +403,20 @@ impl Library for EventCv {
     }
 
     fn tensor(&self, op: Op) -> Vec<f32> {
-        let Some(Making::Frame(make)) = self.made(op).map(|made| made.work) else { return Vec::new() };
-        match make(self).map(EventFrame::into_data) {
+        let frame = match self.made(op).map(|made| made.work) {
+            Some(Making::Frame(make)) => make(self).ok(),
+            _ if op == Op::TensorResize => self.surface().as_ref().and_then(smaller),
+            _ => None,
+        };
+        match frame.map(EventFrame::into_data) {
             // Interleaved: to planes.
-            Ok(EventFrameData::U8(values)) if op == Op::EventImage => {
+            Some(EventFrameData::U8(values)) if op == Op::EventImage => {
                 (0..3).flat_map(|c| values.iter().skip(c).step_by(3)).map(|v| f32::from(*v)).collect()
             }
-            Ok(EventFrameData::U8(values)) => values.into_iter().map(f32::from).collect(),
-            Ok(EventFrameData::U16(values)) => values.into_iter().map(f32::from).collect(),
-            Ok(EventFrameData::U64(values)) => values.into_iter().map(|v| v as f32).collect(),
-            Ok(EventFrameData::F32(values)) => values,
+            Some(EventFrameData::U8(values)) => values.into_iter().map(f32::from).collect(),
+            Some(EventFrameData::U16(values)) => values.into_iter().map(f32::from).collect(),
+            Some(EventFrameData::U64(values)) => values.into_iter().map(|v| v as f32).collect(),
+            Some(EventFrameData::F32(values)) => values,
             _ => Vec::new(),
         }
     }

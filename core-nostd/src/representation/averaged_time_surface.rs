@@ -7,7 +7,7 @@ use crate::math::exp;
 use crate::representation::index::{Draw, Places, draw_each};
 use crate::representation::time_surface::{DECAYS_MAX, TAU_US_MAX};
 use crate::representation::{BadRepresentation, Build, Parameters, check};
-use crate::vector::widest;
+use crate::vector::{in_order, widest};
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// The mean of exp(-age / tau) over the window's events of each pixel and polarity: 2 x H x W (ON, OFF) of f32.
@@ -94,7 +94,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for AveragedTimeSurface<S> {
     fn finish(&mut self, out: &mut [f32]) {
         let means = self.state.as_mut().as_chunks_mut::<2>().0;
         self.counted = out.len() < means.len();
-        widest(
+        in_order(
             #[inline(always)]
             || {
                 for (out, mean) in out.iter_mut().zip(means) {

@@ -8,11 +8,14 @@ use core::ops::Range;
 use crate::representation::BadRepresentation;
 use crate::representation::index::{Draw, Places, draw_each};
 use crate::representation::pixel::uncount_each;
-use crate::vector::widest;
+use crate::vector::{in_order, widest};
 use crate::{Event, Geometry};
 
 /// Digits of a count.
 const DIGITS: usize = 4;
+
+/// Pixels whose counts, and what is made of them, fit into the nearest cache.
+const RUN: usize = 4096;
 
 /// Counts of events by pixel and polarity (ON, OFF), exact up to 2^32 - 1, in memory of the caller's.
 #[derive(Clone, Debug)]
@@ -91,9 +94,25 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
         (0..DIGITS).fold(0, |count, place| count | digit(place) << (8 * place))
     }
 
+    /// Numbers of the counts that have more than one digit.
+    fn large(&self) -> impl Iterator<Item = usize> {
+        let (words, stride) = (self.state.as_ref(), Self::state_len(self.geometry) / DIGITS);
+        let higher = |place: usize| words.get(place * stride..).unwrap_or_default().iter();
+        let digits = higher(1).zip(higher(2)).zip(higher(3)).map(|((a, b), c)| a | b | c);
+        let words = (0..if self.carried { stride } else { 0 }).zip(digits).filter(|(_, digits)| *digits != 0);
+        words
+            .flat_map(|(word, _)| (0..4).map(move |i| 4 * word + i))
+            .filter(|at| self.count(*at) > u8::MAX.into())
+    }
+
     /// Writes a function of each count from that of number `from` on.
     pub(super) fn map<T: Copy>(&self, from: usize, out: &mut [T], function: impl Fn(u32) -> T) {
-        let table: [T; 256] = core::array::from_fn(|count| function(count as u32));
+        self.look_up(from, out, &table(&function));
+        self.map_large(from, out, function);
+    }
+
+    /// The same by a table, of counts of one digit.
+    fn look_up<T: Copy>(&self, from: usize, out: &mut [T], table: &[T; 256]) {
         let lowest = self.lowest().get(from..).unwrap_or_default();
         let (words, rest) = lowest.as_chunks::<8>();
         let (eights, last) = out.as_chunks_mut::<8>();
@@ -111,18 +130,48 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
         for (out, digit) in after.zip(digits) {
             *out = table[usize::from(*digit)];
         }
-        self.map_large(from, out, function);
     }
 
     /// The same for counts of more than one digit.
     fn map_large<T>(&self, from: usize, out: &mut [T], function: impl Fn(u32) -> T) {
-        if !self.carried {
-            return;
+        for at in self.large() {
+            if let Some(out) = at.checked_sub(from).and_then(|at| out.get_mut(at)) {
+                *out = function(self.count(at));
+            }
         }
-        let to = 2 * self.geometry.pixels();
-        for (out, count) in out.iter_mut().zip((from..to).map(|at| self.count(at))) {
-            if count > u8::MAX.into() {
-                *out = function(count);
+    }
+
+    /// Writes a function of each pixel's ON events, which of two it is, without an event or with one, and the function
+    /// of its OFF events. A few pixels after the other, so that their counts are fetched once.
+    pub(super) fn map_planes(
+        &self,
+        [on, any, off]: [&mut [u8]; 3],
+        [none, some]: [u8; 2],
+        function: impl Fn(u32) -> u8,
+    ) {
+        let (pixels, table) = (self.geometry.pixels(), table(&function));
+        let (ons, offs) = self.lowest().split_at_checked(pixels).unwrap_or_default();
+        for from in (0..pixels).step_by(RUN) {
+            self.look_up(from, run(on, from), &table);
+            self.look_up(pixels + from, run(off, from), &table);
+            let [ons, offs] = [ons, offs].map(|counts| counts.get(from..).unwrap_or_default());
+            let any = run(any, from);
+            in_order(
+                #[inline(always)]
+                || {
+                    for (any, (on, off)) in any.iter_mut().zip(ons.iter().zip(offs)) {
+                        // With an `if` the compiler chooses between two addresses, and does one byte at a time.
+                        let has = u8::from(on | off != 0).wrapping_neg();
+                        *any = none ^ has & (none ^ some);
+                    }
+                },
+            );
+        }
+        self.map_large(0, on, &function);
+        self.map_large(pixels, off, &function);
+        for at in self.large() {
+            if let Some(any) = any.get_mut(if at < pixels { at } else { at - pixels }) {
+                *any = some;
             }
         }
     }
@@ -135,8 +184,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
         function: impl Fn(T, T) -> u8,
     ) {
         let pixels = self.geometry.pixels();
-        let on_table: [T; 256] = core::array::from_fn(|count| on_level(count as u32));
-        let off_table: [T; 256] = core::array::from_fn(|count| off_level(count as u32));
+        let (on_table, off_table) = (table(&on_level), table(&off_level));
         let (ons, offs) = self.lowest().split_at_checked(pixels).unwrap_or_default();
         let nothing = function(on_table[0], off_table[0]);
         for ((out, ons), offs) in out.chunks_mut(8).zip(ons.chunks(8)).zip(offs.chunks(8)) {
@@ -148,73 +196,52 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
                 *out = function(on_table[usize::from(*on)], off_table[usize::from(*off)]);
             }
         }
-        if self.carried {
-            for (at, out) in out.iter_mut().take(pixels).enumerate() {
+        for at in self.large().map(|at| if at < pixels { at } else { at - pixels }) {
+            if let Some(out) = out.get_mut(at) {
                 *out = function(on_level(self.count(at)), off_level(self.count(pixels + at)));
-            }
-        }
-    }
-
-    /// Writes which of two a pixel is: without an event, with one.
-    pub(super) fn any(&self, out: &mut [u8], [none, some]: [u8; 2]) {
-        let pixels = self.geometry.pixels();
-        let (ons, offs) = self.lowest().split_at_checked(pixels).unwrap_or_default();
-        widest(
-            #[inline(always)]
-            || {
-                for (out, (on, off)) in out.iter_mut().zip(ons.iter().zip(offs)) {
-                    *out = if on | off == 0 { none } else { some };
-                }
-            },
-        );
-        if self.carried {
-            for (at, out) in out.iter_mut().take(pixels).enumerate() {
-                *out = if self.count(at) | self.count(pixels + at) == 0 { none } else { some };
             }
         }
     }
 
     /// The greatest count.
     pub(super) fn max(&self) -> u32 {
-        if self.carried {
-            return (0..2 * self.geometry.pixels()).map(|at| self.count(at)).max().unwrap_or_default();
-        }
         let lowest = self.lowest();
-        widest(
+        let most = widest(
             #[inline(always)]
             || lowest.iter().fold(0, |most, digit| most.max(*digit)),
-        )
-        .into()
+        );
+        self.large().map(|at| self.count(at)).max().unwrap_or(most.into())
     }
 
     /// The percentile of the counts that are not 0 among those numbered by `cells`, linear between two as numpy's
     /// default is; 1 where there is none.
     pub(super) fn percentile(&self, cells: Range<usize>, percent: u8) -> f64 {
-        let len = cells.len() as u64;
         let lowest = self.lowest().get(cells.clone()).unwrap_or_default();
-        let histogram = (!self.carried).then(|| Histogram::of(lowest));
-        let zeros = match &histogram {
-            Some(histogram) => u64::from(histogram.0[0]),
-            None => cells.clone().filter(|at| self.count(*at) == 0).count() as u64,
-        };
-        let Some(last) = len.saturating_sub(zeros).checked_sub(1) else { return 1.0 };
+        let (mut histogram, mut small) = (Histogram::of(lowest), cells.len() as u64);
+        for at in self.large().filter(|at| cells.contains(at)) {
+            histogram.remove(self.count(at) as u8);
+            small -= 1;
+        }
+        let zeros = u64::from(histogram.0[0]);
+        let Some(last) = (cells.len() as u64).saturating_sub(zeros).checked_sub(1) else { return 1.0 };
         let position = f64::from(percent) / 100.0 * last as f64;
         let (below, fraction) = (position as u64, position - position as u64 as f64);
-        let at = |rank: u64| match &histogram {
-            Some(histogram) => histogram.rank(zeros + rank).0,
-            None => self.rank(cells.clone(), zeros + rank),
+        let at = |rank: u64| match zeros + rank {
+            rank if rank < small => histogram.rank(rank).0,
+            rank => self.rank(&cells, rank - small),
         };
         let (low, high) = (f64::from(at(below)), f64::from(at((below + 1).min(last))));
         // As numpy has it: from the nearer end.
         if fraction >= 0.5 { high - (high - low) * (1.0 - fraction) } else { low + (high - low) * fraction }
     }
 
-    /// The count that has `rank` counts before it in order: digit by digit, the highest first.
-    fn rank(&self, cells: Range<usize>, rank: u64) -> u32 {
+    /// The count of more than one digit that has `rank` such before it in order: digit by digit, the highest first.
+    fn rank(&self, cells: &Range<usize>, rank: u64) -> u32 {
         let (mut prefix, mut rank) = (0u64, rank);
         for place in (0..DIGITS).rev() {
             let mut histogram = Histogram([0; 256]);
-            for count in cells.clone().map(|at| u64::from(self.count(at))) {
+            let large = self.large().filter(|at| cells.contains(at));
+            for count in large.map(|at| u64::from(self.count(at))) {
                 if count >> (8 * (place + 1)) == prefix {
                     histogram.add((count >> (8 * place)) as u8);
                 }
@@ -230,30 +257,36 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
 struct Histogram([u32; 256]);
 
 impl Histogram {
-    /// Most bytes are 0: eight at once are skipped.
+    /// Most bytes are 0: eight at once are skipped. Of the others most are 1, and to count two of a kind at one place is
+    /// to wait for the first: hence four of them.
     fn of(digits: &[u8]) -> Self {
-        let (mut odd, mut even) = (Self([0; 256]), Self([0; 256]));
+        let mut parts = [const { Self([0; 256]) }; 4];
         let (words, rest) = digits.as_chunks::<8>();
-        let mut empty = 0;
+        let mut all = Self([0; 256]);
         for word in words {
             if u64::from_ne_bytes(*word) == 0 {
-                empty += 8;
+                all.0[0] += 8;
                 continue;
             }
-            for [a, b] in word.as_chunks::<2>().0 {
-                odd.add(*a);
-                even.add(*b);
+            for four in word.as_chunks::<4>().0 {
+                parts.iter_mut().zip(four).for_each(|(part, digit)| part.add(*digit));
             }
         }
-        rest.iter().for_each(|digit| odd.add(*digit));
-        odd.0.iter_mut().zip(even.0).for_each(|(sum, more)| *sum += more);
-        odd.0[0] += empty;
-        odd
+        rest.iter().for_each(|digit| all.add(*digit));
+        for part in &parts {
+            all.0.iter_mut().zip(part.0).for_each(|(sum, more)| *sum += more);
+        }
+        all
     }
 
     fn add(&mut self, digit: u8) {
         let entry = &mut self.0[usize::from(digit)];
         *entry = entry.wrapping_add(1);
+    }
+
+    fn remove(&mut self, digit: u8) {
+        let entry = &mut self.0[usize::from(digit)];
+        *entry = entry.wrapping_sub(1);
     }
 
     /// The digit that has `rank` digits before it in order, and how many are less than it.
@@ -267,6 +300,17 @@ impl Histogram {
         }
         (u8::MAX.into(), before)
     }
+}
+
+/// A plane's elements of the run that begins with number `from`, as far as there are any.
+fn run(plane: &mut [u8], from: usize) -> &mut [u8] {
+    let to = plane.len().min(from + RUN);
+    plane.get_mut(from..to).unwrap_or_default()
+}
+
+/// A function of every count of one digit.
+fn table<T>(function: &impl Fn(u32) -> T) -> [T; 256] {
+    core::array::from_fn(|count| function(count as u32))
 }
 
 /// Counts in the lowest digits, and carries.

@@ -7,7 +7,7 @@ use crate::representation::index::Places;
 use crate::representation::stamps::Stamps;
 use crate::representation::time_surface::{DECAYS_MAX, TAU_US_MAX};
 use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check};
-use crate::vector::widest;
+use crate::vector::in_order;
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Adding it rounds a small number to a whole one, which is then in the low bits of the sum.
@@ -111,7 +111,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for EventImage<S> {
         let (red, rest) = out.split_at_mut(pixels.min(out.len()));
         let (green, blue) = rest.split_at_mut(pixels.min(rest.len()));
         let channels = [red, green, blue];
-        widest(
+        in_order(
             #[inline(always)]
             || fade(now, tau_us, map, colours, channels),
         );

@@ -13,6 +13,13 @@ const GROUP: usize = 16;
 /// 2026-11).
 const AHEAD: usize = 4;
 
+/// How far ahead events are fetched themselves, which counts where no decoder has just written them: 0.93 of the time of
+/// counting 1.22 million of them (the same machine).
+const EVENTS_AHEAD: usize = 256;
+
+/// Events of a cache line.
+const LINE: usize = 64 / size_of::<Event>();
+
 /// How the elements of a tensor are numbered.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Places {
@@ -104,6 +111,9 @@ impl<T: Copy + Default> Group<T> {
         out: &[D::Pixel],
         drawing: &D,
     ) {
+        for line in (0..GROUP).step_by(LINE) {
+            prefetch(events, EVENTS_AHEAD + line);
+        }
         indices(places, events, &mut self.indices);
         for (value, (at, event)) in self.values.iter_mut().zip(self.indices.iter_mut().zip(events)) {
             *value = drawing.prepare(*event, at);

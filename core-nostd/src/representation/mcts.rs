@@ -8,7 +8,7 @@ use crate::math::sqrt;
 use crate::representation::index::Places;
 use crate::representation::stamps::{AGE_US_MAX, Stamps};
 use crate::representation::{BadRepresentation, Build, Overlap, Parameters, Real, check};
-use crate::vector::widest;
+use crate::vector::in_order;
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Scales of time of an [`Mcts`].
@@ -124,7 +124,7 @@ impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> Representation for Mcts<P, S> {
         let (on, off) = map.split_at_checked(pixels).unwrap_or_default();
         let planes = [off, on].into_iter().flat_map(|map| scales.iter().map(move |scale| (map, *scale)));
         for (plane, (map, scale)) in out.chunks_mut(pixels.max(1)).zip(planes) {
-            widest(
+            in_order(
                 #[inline(always)]
                 || recency(now, 1.0 / scale, map, plane),
             );

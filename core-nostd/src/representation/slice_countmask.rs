@@ -90,9 +90,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SliceCountmask<S> {
         let level = |count: u32| byte((count as f32).min(alpha) / alpha);
         let (red, rest) = out.split_at_mut(pixels.min(out.len()));
         let (green, blue) = rest.split_at_mut(pixels.min(rest.len()));
-        self.counts.map(0, red, level);
-        self.counts.map(pixels, blue, level);
-        self.counts.any(green, [byte(0.0), byte(1.0)]);
+        self.counts.map_planes([red, green, blue], [byte(0.0), byte(1.0)], level);
     }
 
     fn overlap(&self) -> Overlap {

@@ -5,7 +5,7 @@
 
 use crate::representation::index::{Draw, Places, draw_each};
 use crate::representation::{BadRepresentation, Build, Parameters, check};
-use crate::vector::widest;
+use crate::vector::{in_order, widest};
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Polarity and age of each pixel's last event in the window: 3 x H x W (ON, age, OFF) of u8.
@@ -88,7 +88,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for Tencode<S> {
         let colours = colours.get(..pixels).unwrap_or_default();
         let (on, rest) = out.split_at_mut(pixels.min(out.len()));
         let (age, off) = rest.split_at_mut(pixels.min(rest.len()));
-        widest(
+        in_order(
             #[inline(always)]
             || {
                 on.iter_mut().zip(colours).for_each(|(out, colour)| *out = full(colour & ON));

@@ -9,7 +9,7 @@ use crate::math::exp;
 use crate::representation::index::Places;
 use crate::representation::stamps::{AGE_US_MAX, Stamps};
 use crate::representation::{BadRepresentation, Build, Overlap, Parameters, Real, check};
-use crate::vector::widest;
+use crate::vector::in_order;
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// See [`TimeSurface::TAU_US_MAX`].
@@ -108,7 +108,7 @@ impl<P: Real, S: AsRef<[u32]> + AsMut<[u32]>> Representation for TimeSurface<P, 
 
     fn finish(&mut self, out: &mut [P]) {
         let (tau_us, decay, (now, map)) = (self.tau_us, self.decay, self.stamps.ages());
-        widest(
+        in_order(
             #[inline(always)]
             || match decay {
                 Decay::Exponential => exponential(now, tau_us, map, out),

@@ -7,7 +7,7 @@ use crate::math::ln;
 use crate::representation::index::{Draw, Places, draw_each};
 use crate::representation::stamps::{AGE_US_MAX, Stamps};
 use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check};
-use crate::vector::widest;
+use crate::vector::{in_order, widest};
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Time-ordered recent events (TORE): 2 depth x H x W of f32, the newest first, all of ON and then all of OFF.
@@ -106,13 +106,11 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for Tore<S> {
     fn finish(&mut self, out: &mut [f32]) {
         let (now, map) = self.stamps.ages();
         let (age_max, ln_min, depth) = (self.age_max, self.ln_min, usize::from(self.depth));
-        let pixels = self.geometry.pixels();
-        for (plane, out) in out.chunks_mut(pixels.max(1)).take(2 * depth).enumerate() {
-            let (polarity, k) = if plane < depth { (0, plane) } else { (1, plane - depth) };
-            let queues = map.get(polarity * pixels * depth..).unwrap_or_default();
-            widest(
+        let of_polarity = (self.geometry.pixels() * depth).max(1);
+        for (queues, planes) in map.chunks(of_polarity).zip(out.chunks_mut(of_polarity)) {
+            in_order(
                 #[inline(always)]
-                || scale(now, queues.get(k..).unwrap_or_default(), depth, age_max, ln_min, out),
+                || scale(now, queues, depth, age_max, ln_min, planes),
             );
         }
     }
@@ -122,21 +120,30 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for Tore<S> {
     }
 }
 
-/// Elements whose ages are in hand at once.
+/// Pixels whose queues are read at once.
 const RUN: usize = 64;
 
-/// The scaled logarithm of the age of every `depth`-th time.
+/// The scaled logarithms of the ages in queues, to as many planes as a queue is long. A run of pixels is written to all
+/// planes before the next is read, so that the queues pass through the caches once.
 #[inline(always)]
-fn scale(now: u32, times: &[u32], depth: usize, age_max: f32, ln_min: f32, out: &mut [f32]) {
-    let mut times = times.iter().step_by(depth.max(1));
-    for out in out.chunks_mut(RUN) {
-        let mut ages = [0; RUN];
-        for (age, time) in ages.iter_mut().zip(times.by_ref().take(out.len())) {
-            *age = now.wrapping_sub(*time);
-        }
-        for (pixel, age) in out.iter_mut().zip(ages) {
-            let age = (age.min(AGE_US_MAX) as i32 as f32).min(age_max);
-            *pixel = (ln(age + 1.0) - ln_min).max(0.0);
+fn scale(now: u32, queues: &[u32], depth: usize, age_max: f32, ln_min: f32, planes: &mut [f32]) {
+    let depth = depth.max(1);
+    let pixels = queues.len() / depth;
+    for (start, queues) in (0..pixels).step_by(RUN).zip(queues.chunks(RUN * depth)) {
+        for k in 0..depth {
+            // All of a run, whose length the compiler knows: with vectors.
+            let (mut ages, mut values) = ([0; RUN], [0.0f32; RUN]);
+            for (age, time) in ages.iter_mut().zip(queues.iter().skip(k).step_by(depth)) {
+                *age = now.wrapping_sub(*time);
+            }
+            for (value, age) in values.iter_mut().zip(ages) {
+                let age = (age.min(AGE_US_MAX) as i32 as f32).min(age_max);
+                *value = (ln(age + 1.0) - ln_min).max(0.0);
+            }
+            let plane = planes.get_mut(k * pixels + start..).unwrap_or_default();
+            for (pixel, value) in plane.iter_mut().take(queues.len() / depth).zip(values) {
+                *pixel = value;
+            }
         }
     }
 }

@@ -1,6 +1,7 @@
 //! How many events there are over time.
 
 use core::num::NonZeroU64;
+use core::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 
@@ -34,11 +35,10 @@ impl Tally {
         if events == 0 { 0.0 } else { (self.on as f64 - self.off as f64) / events as f64 }
     }
 
-    #[inline(always)]
-    fn add(&mut self, event: Event) {
-        let on = u64::from(event.is_on());
+    fn add(&mut self, events: &[Event]) {
+        let on = events.iter().map(|event| u64::from(event.is_on())).sum();
         self.on = self.on.wrapping_add(on);
-        self.off = self.off.wrapping_add(1 - on);
+        self.off = self.off.wrapping_add((events.len() as u64).wrapping_sub(on));
     }
 }
 
@@ -78,22 +78,27 @@ impl<S: AsRef<[Tally]> + AsMut<[Tally]>> EventRate<S> {
     pub fn push(&mut self, span: Span<'_>) {
         let mut rest = span.events;
         while let Some(first) = rest.first() {
-            let bin = self.bin(span.time(*first));
-            let len = rest.iter().take_while(|event| self.bin(span.time(**event)) == bin).count();
+            let (bin, bounds) = self.bin(span.time(*first));
+            let len = rest.iter().take_while(|event| bounds.contains(&span.time(**event))).count();
             let (now, later) = rest.split_at_checked(len.max(1)).unwrap_or((rest, &[]));
             let slot = bin.and_then(|bin| usize::try_from(bin).ok());
             match slot.and_then(|bin| self.bins.as_mut().get_mut(bin)) {
-                Some(tally) => now.iter().for_each(|event| tally.add(*event)),
+                Some(tally) => tally.add(now),
                 None => self.outside = self.outside.wrapping_add(now.len() as u64),
             }
             rest = later;
         }
     }
 
-    /// The number of the bin of a time; none before the first.
-    #[inline(always)]
-    fn bin(&self, t: u64) -> Option<u64> {
-        t.checked_sub(self.start).map(|since| since / self.bin_us)
+    /// The number of the bin of a time, and all times of it; before the first, none and all times before.
+    fn bin(&self, t: u64) -> (Option<u64>, Range<u64>) {
+        match t.checked_sub(self.start) {
+            Some(since) => {
+                let first = t - since % self.bin_us;
+                (Some(since / self.bin_us), first..first.saturating_add(self.bin_us.get()))
+            }
+            None => (None, 0..self.start),
+        }
     }
 
     /// What each bin counted.
