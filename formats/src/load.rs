@@ -423,6 +423,30 @@ mod tests {
         }
     }
 
+    /// Messages that are missing where pieces have none at all are counted as a pass over all of it counts them.
+    #[cfg(feature = "ros")]
+    #[test]
+    fn gaps_between_pieces_are_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let packet: Vec<u8> =
+            (0..200u16).flat_map(|i| [0x2000 | i, 0x3000 | i]).flat_map(u16::to_le_bytes).collect();
+        let packets = [&packet[..]; 20];
+        let file = |n: usize| packets_mcap("libcaer_cmp", &packets[..n], |i| i + u64::from(i >= 10) * 3);
+        let (half, whole) = (file(10), file(20));
+        // Anyone's own records, which are no messages.
+        let filler = [&[0x80][..], &1000u64.to_le_bytes(), &[0; 1000]].concat().repeat(40);
+        std::fs::write(&path, [&half, &filler, &whole[half.len()..]].concat()).unwrap();
+        let recording = open(&path).unwrap();
+        assert!(recording.container().pieces(16).unwrap().len() > 2);
+        assert_eq!(recording.load_in(16).unwrap().len(), 20 * 200);
+        assert_eq!(
+            recording.warnings().last().unwrap(),
+            "3 messages of events are missing by their sequence numbers"
+        );
+        check(&path);
+    }
+
     /// As they are, and damaged beside the start of a chunk, where a piece may begin.
     #[cfg(feature = "ros")]
     #[test]

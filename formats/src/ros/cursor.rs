@@ -225,12 +225,14 @@ impl<L: Log> TopicCursor<L> {
         Ok(is_sound.then_some((cursor, messages)))
     }
 
+    /// How many messages of a log tell all; `None` where they do not, or there are none.
     fn messages_to_settle(&self, mut log: L) -> Result<Option<u64>, Error> {
         let Body::Packets(packets) = &self.body else { return Ok(None) };
-        let Some(encoding) = packets.encoding() else { return Ok(Some(1)) };
         let mut bytes = Vec::new();
         for messages in 1.. {
             let Some(message) = log.next(&self.topic.connections)? else { break };
+            // Where each message begins anew, the first still tells the number of the next.
+            let Some(encoding) = packets.encoding() else { return Ok(Some(messages)) };
             let head = log.peek(HEAD_BYTES_MAX)?;
             let Some(head) = event_packet::Head::parse(head, self.topic.wire) else { break };
             let (head_bytes, available) = (head.bytes, message.available.saturating_sub(head.bytes as u64));
@@ -243,8 +245,8 @@ impl<L: Log> TopicCursor<L> {
                     return Ok(None);
                 }
                 bytes.extend_from_slice(some);
-                left -= some.len();
                 let taken = some.len();
+                left -= taken;
                 log.take(taken);
             }
             if encoding.settled(&bytes).is_some() {
