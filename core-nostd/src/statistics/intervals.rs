@@ -77,6 +77,15 @@ impl<S: AsRef<[PixelTimes]> + AsMut<[PixelTimes]>> Intervals<S> {
 
     /// Takes note of the events of a block.
     pub fn push(&mut self, span: Span<'_>) -> Result<(), WrongGeometry> {
+        self.push_each(span, |_, _| {})
+    }
+
+    /// The same, and tells the pixel and the bin of each interval.
+    pub(super) fn push_each(
+        &mut self,
+        span: Span<'_>,
+        mut each: impl FnMut(usize, usize),
+    ) -> Result<(), WrongGeometry> {
         self.geometry.check(span.geometry)?;
         for event in span.events {
             let (at, t) = (self.geometry.index(event.x(), event.y()), span.time(*event));
@@ -88,10 +97,18 @@ impl<S: AsRef<[PixelTimes]> + AsMut<[PixelTimes]>> Intervals<S> {
                 continue;
             }
             let bin = t.checked_sub(before).map(|interval| (u64::BITS - interval.leading_zeros()) as usize);
+            if let Some(bin) = bin {
+                each(at, bin);
+            }
             let count = bin.and_then(|bin| self.histogram.get_mut(bin)).unwrap_or(&mut self.backward);
             *count = count.wrapping_add(1);
         }
         Ok(())
+    }
+
+    /// The sensor's size.
+    pub const fn geometry(&self) -> Geometry {
+        self.geometry
     }
 
     /// Intervals of all pixels by length, see the type.

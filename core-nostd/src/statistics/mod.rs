@@ -4,14 +4,17 @@
 //! |---|---|---|
 //! | [`EventRate`] | events by polarity in each bin of time, and with it rates and the balance of polarities | 16 bytes a bin |
 //! | [`Intervals`] | how long pixels are silent between two events, as a histogram; each pixel's rate and mean interval | 24 bytes a pixel |
+//! | [`PixelIntervals`] | the same with a histogram of each pixel | 24 bytes a pixel, and 4 a bin |
 //!
 //! The law of every stage holds: however the stream is cut into blocks, what comes out is the same.
 
 mod event_rate;
 mod intervals;
+mod pixel_intervals;
 
 pub use event_rate::{EventRate, Tally};
 pub use intervals::{Intervals, PixelTimes};
+pub use pixel_intervals::PixelIntervals;
 
 /// Why there can be no statistic of this kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

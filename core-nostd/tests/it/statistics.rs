@@ -2,7 +2,7 @@
 
 use crate::chunk_invariance::{GEOMETRY, Splits};
 use crate::streams::{self, Timed};
-use lobula_core::statistics::{BadStatistic, EventRate, Intervals, PixelTimes, Tally};
+use lobula_core::statistics::{BadStatistic, EventRate, Intervals, PixelIntervals, PixelTimes, Tally};
 use lobula_core::{Geometry, Polarity, Span};
 use std::collections::HashMap;
 
@@ -62,6 +62,32 @@ fn intervals(events: &[Timed], splits: &mut Splits) -> (Vec<u64>, u64, Vec<Pixel
     (histogram, backward, intervals.pixels().to_vec())
 }
 
+/// Each pixel's histogram; the last of the bins takes all that is longer.
+fn histograms(events: &[Timed], splits: &mut Splits) -> Vec<u32> {
+    const BINS: usize = 6;
+    let (pixels, counts) =
+        (vec![PixelTimes::default(); GEOMETRY.pixels()], vec![7; BINS * GEOMETRY.pixels()]);
+    let mut intervals = PixelIntervals::try_new(GEOMETRY, pixels, counts).unwrap();
+    blocks(events, splits, |span| intervals.push(span).unwrap());
+    let mut expected: HashMap<(u16, u16), [u32; BINS]> = HashMap::new();
+    let mut last: HashMap<(u16, u16), u64> = HashMap::new();
+    for Timed { t, event } in events {
+        let before = last.insert((event.x(), event.y()), *t);
+        if let Some(interval) = before.and_then(|before| t.checked_sub(before)) {
+            let bin = [1, 2, 4, 8, 16].iter().filter(|start| interval >= **start).count();
+            expected.entry((event.x(), event.y())).or_default()[bin] += 1;
+        }
+    }
+    for (x, y) in (0..GEOMETRY.height).flat_map(|y| (0..GEOMETRY.width).map(move |x| (x, y))) {
+        assert_eq!(intervals.histogram(x, y), expected.get(&(x, y)).unwrap_or(&[0; BINS]));
+    }
+    assert!(intervals.histogram(GEOMETRY.width, 0).is_empty());
+    let all: u64 = intervals.counts().iter().map(|count| u64::from(*count)).sum();
+    assert_eq!(all, intervals.intervals().histogram().iter().sum::<u64>());
+    intervals.counts().to_vec()
+}
+
+chunk_invariance!(events histograms_of_pixels, super::histograms);
 chunk_invariance!(events event_rate, super::rate);
 chunk_invariance!(events pixel_intervals, super::intervals);
 
@@ -81,6 +107,11 @@ fn statistics_refuse_what_makes_no_sense() {
     assert_eq!(EventRate::try_new(0, 0, [Tally::default(); 1]).unwrap_err(), BadStatistic::BinUs);
     let few = Intervals::try_new(Geometry::new(2, 2), [PixelTimes::default(); 3]).unwrap_err();
     assert_eq!(few, BadStatistic::StateLen { expected: 4, found: 3 });
+    for (found, expected) in [(0, 4), (3, 4), (9, 8)] {
+        let pixels = [PixelTimes::default(); 4];
+        let refused = PixelIntervals::try_new(Geometry::new(2, 2), pixels, vec![0; found]).unwrap_err();
+        assert_eq!(refused, BadStatistic::StateLen { expected, found });
+    }
     let mut intervals = Intervals::try_new(Geometry::new(2, 2), [PixelTimes::default(); 4]).unwrap();
     let other = Span { t_first: 0, t_last: 0, geometry: Geometry::new(3, 2), events: &[] };
     assert!(intervals.push(other).is_err());

@@ -2,7 +2,9 @@
 
 use crate::export;
 use crate::export::{Export, slice_mut};
-use lobula_core::representation::{BadRepresentation, Build, Eraser, LastEvent, Parameters, Sliding, Tencode};
+use lobula_core::representation::{
+    BadRepresentation, Build, Eraser, LastEvent, Parameters, Sliding, Tencode,
+};
 use lobula_core::{
     BadGrid, BadPeriod, CountSlicer, Event, Geometry, Grid, Piece, Representation, Shape, Slicer, Slide,
     SlidingSlicer, Span, Stride, Window, WrongGeometry, for_each_representation,

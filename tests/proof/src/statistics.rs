@@ -2,7 +2,7 @@
 
 use crate::export;
 use crate::export::{Export, slice_mut};
-use lobula_core::statistics::{BadStatistic, EventRate, Intervals, PixelTimes, Tally};
+use lobula_core::statistics::{BadStatistic, EventRate, Intervals, PixelIntervals, PixelTimes, Tally};
 use lobula_core::{Geometry, Span, WrongGeometry};
 
 type Rate = EventRate<&'static mut [Tally]>;
@@ -41,4 +41,30 @@ unsafe fn note(intervals: *mut Silence, span: *const Span<'_>) -> Result<Option<
     Ok(intervals.pixels().first().and_then(|pixel| pixel.mean_interval_us()))
 }
 
-pub const EXPORTS: &[Export] = &[export!(rate), export!(count), export!(intervals), export!(note)];
+type Silences = PixelIntervals<&'static mut [PixelTimes], &'static mut [u32]>;
+
+unsafe fn histograms(
+    at: *mut Silences,
+    geometry: Geometry,
+    pixels: (*mut PixelTimes, usize),
+    counts: (*mut u32, usize),
+) -> Result<(), BadStatistic> {
+    // SAFETY: the caller's promise.
+    let (pixels, counts) = unsafe { (slice_mut(pixels.0, pixels.1), slice_mut(counts.0, counts.1)) };
+    // SAFETY: the caller's promise.
+    PixelIntervals::try_new(geometry, pixels, counts).map(|made| unsafe { at.write(made) })
+}
+
+unsafe fn tally(
+    silences: *mut Silences,
+    span: *const Span<'_>,
+    at: (u16, u16),
+) -> Result<usize, WrongGeometry> {
+    // SAFETY: the caller's promise.
+    let (silences, span) = unsafe { (&mut *silences, *span) };
+    silences.push(span)?;
+    Ok(silences.histogram(at.0, at.1).len())
+}
+
+pub const EXPORTS: &[Export] =
+    &[export!(rate), export!(count), export!(intervals), export!(note), export!(histograms), export!(tally)];
