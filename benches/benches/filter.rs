@@ -4,7 +4,7 @@ use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use lobula_benches::input::{PACKET_EVENTS, Scene, block_of, packets};
-use lobula_core::chain::{Chain, FilterSpec, Spec};
+use lobula_core::chain::{Chain, Spec, StageSpec};
 use lobula_core::filter::{
     BackgroundActivityParams, DenoiseParams, Neighbours, PolarityParams, RefractoryParams, Refresh,
 };
@@ -19,7 +19,7 @@ fn filter(c: &mut Criterion) {
     group.throughput(Throughput::Elements(scene.events.len() as u64)).sample_size(20);
     for (name, filter) in filters() {
         let chain =
-            Chain::try_new(&Spec { filters: vec![filter] }, scene.geometry).expect("parameters that serve");
+            Chain::try_new(&Spec { stages: vec![filter] }, scene.geometry).expect("parameters that serve");
         group.bench_function(name, |b| {
             b.iter_batched_ref(|| chain.clone(), |chain| thin(&scene, chain), BatchSize::PerIteration)
         });
@@ -27,18 +27,18 @@ fn filter(c: &mut Criterion) {
     group.finish();
 }
 
-fn filters() -> Vec<(&'static str, FilterSpec)> {
+fn filters() -> Vec<(&'static str, StageSpec)> {
     let refractory = |shift| RefractoryParams { dt_us: 1_000, refresh: Refresh::Kept, shift };
     let background = |shift| BackgroundActivityParams { dt_us: 1_000, neighbours: Neighbours::Eight, shift };
     let denoise = |shift| DenoiseParams { shift, ..DenoiseParams::default() };
     vec![
-        ("polarity", FilterSpec::Polarity(PolarityParams { keep: Polarity::On })),
-        ("refractory_u32", FilterSpec::Refractory(refractory(0))),
-        ("refractory_u16", FilterSpec::Refractory(refractory(3))),
-        ("background_activity_u32", FilterSpec::BackgroundActivity(background(0))),
-        ("background_activity_u16", FilterSpec::BackgroundActivity(background(3))),
-        ("denoise_u32", FilterSpec::Denoise(denoise(0).into())),
-        ("denoise_u16", FilterSpec::Denoise(denoise(3).into())),
+        ("polarity", StageSpec::Polarity(PolarityParams { keep: Polarity::On })),
+        ("refractory_u32", StageSpec::Refractory(refractory(0))),
+        ("refractory_u16", StageSpec::Refractory(refractory(3))),
+        ("background_activity_u32", StageSpec::BackgroundActivity(background(0))),
+        ("background_activity_u16", StageSpec::BackgroundActivity(background(3))),
+        ("denoise_u32", StageSpec::Denoise(denoise(0).into())),
+        ("denoise_u16", StageSpec::Denoise(denoise(3).into())),
     ]
 }
 

@@ -206,7 +206,7 @@ mod tests {
     #[test]
     fn the_packaged_example_is_valid() {
         let config = parse(include_str!("../packaging/lobulad.toml")).unwrap();
-        assert!(!config.filters.filters.is_empty() && config.views.len() == 2);
+        assert!(!config.filters.stages.is_empty() && config.views.len() == 2);
     }
 
     #[test]
@@ -223,7 +223,7 @@ mod tests {
         assert!(missing.contains("front.txt: no such file"), "{missing}");
         write("front.txt", "# sensor 1280x720\n1279,719\n");
         let mut loaded = load(&config).unwrap();
-        let list = loaded.filters.filters[0].hot_pixels_mut().unwrap();
+        let list = loaded.filters.stages[0].hot_pixels_mut().unwrap();
         assert_eq!((&*list.pixels, &*list.file), (&vec![(1, 2), (1279, 719)], &None));
         assert_eq!(*list.sensor, Some((1280, 720)));
         write("front.txt", "# sensor 1280x720\n1280,719\n");

@@ -119,7 +119,7 @@ impl HotPixels {
     /// # Errors
     /// As [`load`](Self::load).
     pub fn load_lists(settings: &mut Spec, folder: &Path) -> Result<(), Error> {
-        for list in settings.filters.iter_mut().filter_map(|filter| filter.hot_pixels_mut()) {
+        for list in settings.stages.iter_mut().filter_map(|stage| stage.hot_pixels_mut()) {
             let Some(file) = list.file.take() else { continue };
             let hot = Self::load(folder.join(file))?;
             list.pixels.extend(&hot.pixels);

@@ -2,7 +2,7 @@
 
 use crate::{Answer, Op, Slice};
 use lobula_core::Transform;
-use lobula_core::chain::{Chain, FilterSpec, HotPixelSpec, MaskSpec, Spec};
+use lobula_core::chain::{Chain, HotPixelSpec, MaskSpec, Spec, StageSpec};
 use lobula_core::filter::{HotPixelLearner, MaskKeep, PixelMask};
 
 pub const OPS: &[Op] = &[
@@ -43,7 +43,7 @@ pub const OPS: &[Op] = &[
             learner.learn(slice.span()).unwrap();
             let words = vec![0; PixelMask::<()>::required_len(slice.geometry)];
             let pixels = learner.mask(3.0, words).unwrap().iter().collect();
-            thinned(slice, FilterSpec::HotPixel(HotPixelSpec { pixels, ..HotPixelSpec::default() }))
+            thinned(slice, StageSpec::HotPixel(HotPixelSpec { pixels, ..HotPixelSpec::default() }))
         },
     },
     Op {
@@ -58,14 +58,14 @@ pub const OPS: &[Op] = &[
             let rows = 0..slice.geometry.height;
             let pixels = rows.flat_map(|y| (0..slice.geometry.width).map(move |x| (x, y)));
             let pixels = pixels.filter(|(x, y)| (u32::from(*y) * 3 + u32::from(*x) * 7) % 5 != 0).collect();
-            thinned(slice, FilterSpec::Mask(MaskSpec { pixels, keep: MaskKeep::Inside }))
+            thinned(slice, StageSpec::Mask(MaskSpec { pixels, keep: MaskKeep::Inside }))
         },
     },
 ];
 
 /// What a filter of these settings leaves.
-fn thinned(slice: &Slice, filter: FilterSpec) -> Answer {
-    left(slice, &Spec { filters: vec![filter] })
+fn thinned(slice: &Slice, filter: StageSpec) -> Answer {
+    left(slice, &Spec { stages: vec![filter] })
 }
 
 /// What a chain of these settings leaves.

@@ -1,6 +1,6 @@
 //! Events without those of tiles that flicker.
 
-use lobula_core::chain::FilterSpec;
+use lobula_core::chain::StageSpec;
 use lobula_core::filter::AntiFlickerParams;
 
 use super::Op;
@@ -15,5 +15,5 @@ use crate::peers::Library;
 /// A sentence, where the filter cannot be made.
 pub fn contests<'a>(scene: &'a Scene, _: Option<&'a dyn Library>) -> Result<Vec<Contest<'a>>, String> {
     let op = Thinned { op: Op::AntiFlicker, bar_stream: None, note: "tiles of 8x8 pixels" };
-    op.of_settings(scene, None, FilterSpec::AntiFlicker(AntiFlickerParams::default()))
+    op.of_settings(scene, None, StageSpec::AntiFlicker(AntiFlickerParams::default()))
 }

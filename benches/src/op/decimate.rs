@@ -1,6 +1,6 @@
 //! Every n-th event.
 
-use lobula_core::chain::FilterSpec;
+use lobula_core::chain::StageSpec;
 use lobula_core::filter::DecimateParams;
 
 use super::Op;
@@ -18,5 +18,5 @@ pub const N: u32 = 4;
 /// A sentence, where the peer keeps other events.
 pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<Vec<Contest<'a>>, String> {
     let op = Thinned { op: Op::Decimate, bar_stream: Some(2.0), note: "same events; peer: no streaming form" };
-    op.of_settings(scene, peer, FilterSpec::Decimate(DecimateParams { n: N }))
+    op.of_settings(scene, peer, StageSpec::Decimate(DecimateParams { n: N }))
 }

@@ -1,6 +1,6 @@
 //! Inceptive events.
 
-use lobula_core::chain::FilterSpec;
+use lobula_core::chain::StageSpec;
 use lobula_core::filter::InceptiveParams;
 
 use super::Op;
@@ -15,5 +15,5 @@ use crate::peers::Library;
 /// A sentence, where the filter cannot be made.
 pub fn contests<'a>(scene: &'a Scene, _: Option<&'a dyn Library>) -> Result<Vec<Contest<'a>>, String> {
     let op = Thinned { op: Op::Inceptive, bar_stream: None, note: "a map of 16-bit ticks of 8 µs" };
-    op.of_settings(scene, None, FilterSpec::Inceptive(InceptiveParams { shift: 3, ..InceptiveParams::default() }))
+    op.of_settings(scene, None, StageSpec::Inceptive(InceptiveParams { shift: 3, ..InceptiveParams::default() }))
 }

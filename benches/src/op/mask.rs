@@ -1,6 +1,6 @@
 //! Events of a set of pixels.
 
-use lobula_core::chain::{FilterSpec, MaskSpec};
+use lobula_core::chain::{StageSpec, MaskSpec};
 use lobula_core::filter::MaskKeep;
 
 use super::Op;
@@ -24,5 +24,5 @@ pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<V
     let rows = 0..scene.geometry.height;
     let pixels = rows.flat_map(|y| (0..scene.geometry.width).map(move |x| (x, y)));
     let pixels = pixels.filter(|(x, y)| inside(*x, *y)).collect();
-    op.of_settings(scene, peer, FilterSpec::Mask(MaskSpec { pixels, keep: MaskKeep::Inside }))
+    op.of_settings(scene, peer, StageSpec::Mask(MaskSpec { pixels, keep: MaskKeep::Inside }))
 }

@@ -9,7 +9,7 @@ pub mod tensor_end;
 pub mod thinned;
 
 use lobula_core::augmentation::{self as random, ChanceParams};
-use lobula_core::chain::FilterSpec;
+use lobula_core::chain::StageSpec;
 use lobula_core::filter::{PolarityParams, RegionParams};
 use lobula_core::representation;
 use lobula_core::transform::{NoParams, ScaleParams, TimeWindowParams};
@@ -119,20 +119,20 @@ ops! {
     AntiFlicker anti_flicker: "Events without those of tiles that flicker.";
     RateLimit rate_limit: "Events up to a budget a period, of all tiles.";
     KeepPolarity keep_polarity: "Events of one polarity."
-        = |op, scene, peer| thinned::of_settings(op, scene, peer, FilterSpec::Polarity(ON));
+        = |op, scene, peer| thinned::of_settings(op, scene, peer, StageSpec::Polarity(ON));
     RegionOfInterest region_of_interest: "Events of a rectangle."
-        = |op, scene, _| thinned::of_settings(op, scene, None, FilterSpec::RegionOfInterest(MIDDLE));
+        = |op, scene, _| thinned::of_settings(op, scene, None, StageSpec::RegionOfInterest(MIDDLE));
     Crop crop: "Events of a rectangle, which becomes the sensor.";
     FlipX flip_x: "Events mirrored left to right.";
     FlipY flip_y: "Events mirrored top to bottom."
-        = |op, scene, peer| moved::of_settings(op, scene, peer, FilterSpec::FlipY(NoParams {}));
+        = |op, scene, peer| moved::of_settings(op, scene, peer, StageSpec::FlipY(NoParams {}));
     Rotate90 rotate90: "Events turned by a quarter.";
     Transpose transpose: "Events with x and y in exchange.";
     Translate translate: "Events moved by whole pixels.";
     Resize resize: "Events at another resolution.";
     ResizeHalf resize_half: "Events at half the resolution.";
     Scale scale: "Events at half the resolution, told as a factor."
-        = |op, scene, peer| moved::of_settings(op, scene, peer, FilterSpec::Scale(HALF));
+        = |op, scene, peer| moved::of_settings(op, scene, peer, StageSpec::Scale(HALF));
     WarpAffine warp_affine: "Events moved by an affine map.";
     WarpPerspective warp_perspective: "Events moved by a perspective map.";
     Undistort undistort: "Events without the distortion of the lens.";
@@ -142,10 +142,10 @@ ops! {
     TimeWindow time_window: "Events of the middle half of the time." = |op, scene, peer| {
         let all = scene.span(scene.events.len());
         let (t0_us, t1_us) = middle_half(all.t_first, all.t_last);
-        moved::of_settings(op, scene, peer, FilterSpec::TimeWindow(TimeWindowParams { t0_us, t1_us }))
+        moved::of_settings(op, scene, peer, StageSpec::TimeWindow(TimeWindowParams { t0_us, t1_us }))
     };
     NormalizeTime normalize_time: "Events whose time begins at 0."
-        = |op, scene, peer| moved::of_settings(op, scene, peer, FilterSpec::NormalizeTime(NoParams {}));
+        = |op, scene, peer| moved::of_settings(op, scene, peer, StageSpec::NormalizeTime(NoParams {}));
     EventDrop event_drop: "Events without a random half.";
     PixelDropout pixel_dropout: "Events without those of random pixels.";
     SpatialJitter spatial_jitter: "Events moved by normal deviates.";

@@ -3,7 +3,7 @@
 use std::hint::black_box;
 
 use lobula_core::augmentation::Seed;
-use lobula_core::chain::{AnyTransform, FilterSpec};
+use lobula_core::chain::{AnyTransform, StageSpec};
 use lobula_core::transform::TransformError;
 use lobula_core::{Event, Geometry, Span, Transform};
 use lobula_formats::LargeArray;
@@ -24,7 +24,7 @@ pub fn of_settings<'a>(
     op: Op,
     scene: &'a Scene,
     peer: Option<&'a dyn Library>,
-    settings: FilterSpec,
+    settings: StageSpec,
 ) -> Result<Vec<Contest<'a>>, String> {
     let make = move || match AnyTransform::try_new(&settings, scene.geometry) {
         Some(made) => made.map_err(|cause| format!("{cause:?}")),

@@ -1,6 +1,6 @@
 //! Events up to a budget a period, of all tiles.
 
-use lobula_core::chain::FilterSpec;
+use lobula_core::chain::StageSpec;
 use lobula_core::filter::RateLimitParams;
 
 use super::Op;
@@ -15,5 +15,5 @@ use crate::peers::Library;
 /// A sentence, where the filter cannot be made.
 pub fn contests<'a>(scene: &'a Scene, _: Option<&'a dyn Library>) -> Result<Vec<Contest<'a>>, String> {
     let op = Thinned { op: Op::RateLimit, bar_stream: None, note: "5000 events a ms, tiles of 32x32 pixels" };
-    op.of_settings(scene, None, FilterSpec::RateLimit(RateLimitParams { events: 5_000, period_us: 1_000, tile_shift: 5 }))
+    op.of_settings(scene, None, StageSpec::RateLimit(RateLimitParams { events: 5_000, period_us: 1_000, tile_shift: 5 }))
 }

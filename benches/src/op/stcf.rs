@@ -1,6 +1,6 @@
 //! Events without those that fewer than 2 of 8 neighbours support.
 
-use lobula_core::chain::FilterSpec;
+use lobula_core::chain::StageSpec;
 use lobula_core::filter::StcfParams;
 
 use super::Op;
@@ -15,5 +15,5 @@ use crate::peers::Library;
 /// A sentence, where the filter cannot be made.
 pub fn contests<'a>(scene: &'a Scene, _: Option<&'a dyn Library>) -> Result<Vec<Contest<'a>>, String> {
     let op = Thinned { op: Op::Stcf, bar_stream: None, note: "a map of 16-bit ticks of 8 µs" };
-    op.of_settings(scene, None, FilterSpec::Stcf(StcfParams { shift: 3, ..StcfParams::default() }))
+    op.of_settings(scene, None, StageSpec::Stcf(StcfParams { shift: 3, ..StcfParams::default() }))
 }

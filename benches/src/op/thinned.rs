@@ -2,7 +2,7 @@
 
 use std::hint::black_box;
 
-use lobula_core::chain::{AnyFilter, FilterSpec};
+use lobula_core::chain::{AnyFilter, StageSpec};
 use lobula_core::{Event, Filter};
 use lobula_formats::LargeArray;
 
@@ -22,7 +22,7 @@ pub fn of_settings<'a>(
     op: Op,
     scene: &'a Scene,
     peer: Option<&'a dyn Library>,
-    filter: FilterSpec,
+    filter: StageSpec,
 ) -> Result<Vec<Contest<'a>>, String> {
     let note = "same events; peer: fresh columns, no streaming form";
     Thinned { op, bar_stream: Some(2.0), note }.of_settings(scene, peer, filter)
@@ -65,7 +65,7 @@ impl Thinned {
         &self,
         scene: &'a Scene,
         peer: Option<&'a dyn Library>,
-        filter: FilterSpec,
+        filter: StageSpec,
     ) -> Result<Vec<Contest<'a>>, String> {
         AnyFilter::try_new(&filter, scene.geometry).map_err(|cause| format!("{cause:?}"))?;
         #[allow(clippy::expect_used)] // it was made above

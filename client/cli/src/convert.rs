@@ -364,14 +364,14 @@ mod tests {
     fn regions_and_numbers() {
         assert_eq!(region("100,50,640x480"), Ok(Region { x: 100, y: 50, width: 640, height: 480 }));
         assert!(["100,50", "a,1,2x3", "1,2,3", "1,2,3x4x5"].iter().all(|bad| region(bad).is_err()));
-        assert!(chain("[{\"kind\": \"flip_x\"}]").is_ok_and(|spec| spec.filters.len() == 1));
+        assert!(chain("[{\"kind\": \"flip_x\"}]").is_ok_and(|spec| spec.stages.len() == 1));
         assert!(chain("[{\"kind\": \"flip_z\"}]").is_err_and(|error| error.contains("flip_z")));
         let folder = tempfile::tempdir().unwrap();
         let file = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
         std::fs::write(file("hot.txt"), "# sensor 8x4\n3,2\n").unwrap();
         std::fs::write(file("chain.json"), r#"[{"kind": "hot_pixel", "file": "hot.txt"}]"#).unwrap();
         let mut spec = chain(&file("chain.json")).unwrap();
-        assert_eq!(*spec.filters[0].hot_pixels_mut().unwrap().pixels, [(3, 2)], "beside the chain's file");
+        assert_eq!(*spec.stages[0].hot_pixels_mut().unwrap().pixels, [(3, 2)], "beside the chain's file");
         assert!(chain("no/such/file.json").is_err_and(|error| error.contains("no/such/file.json")));
         assert_eq!(numbers("5..9"), Ok(Numbers(5..9)));
         assert!(["5", "..", "5..", "a..b"].iter().all(|bad| numbers(bad).is_err()));

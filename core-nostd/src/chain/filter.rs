@@ -17,7 +17,7 @@ use alloc::vec::Vec;
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 #[non_exhaustive]
-pub enum FilterSpec {
+pub enum StageSpec {
     /// [`PolarityFilter`].
     Polarity(PolarityParams),
     /// [`RegionOfInterest`].
@@ -86,11 +86,11 @@ pub enum FilterSpec {
 /// The pattern of every transform's spec.
 macro_rules! any_transform_spec {
     ($($variant:ident $module:ident: $type:ty, $params:ty, $len:expr, $make:expr;)*) => {
-        $(FilterSpec::$variant(_))|*
+        $(StageSpec::$variant(_))|*
     };
 }
 
-impl FilterSpec {
+impl StageSpec {
     /// The kind's name, as in a config file.
     pub fn kind(&self) -> &'static str {
         match self {
@@ -169,37 +169,37 @@ crate::filters!(any_filter);
 
 impl AnyFilter {
     /// The filter that `spec` describes, for events of this sensor. A transform is none.
-    pub fn try_new(spec: &FilterSpec, geometry: Geometry) -> Result<Self, ChainCause> {
+    pub fn try_new(spec: &StageSpec, geometry: Geometry) -> Result<Self, ChainCause> {
         match spec {
-            FilterSpec::Polarity(params) => polarity::make(geometry, *params),
-            FilterSpec::RegionOfInterest(params) => region_of_interest::make(geometry, *params),
-            FilterSpec::HotPixel(spec) => {
+            StageSpec::Polarity(params) => polarity::make(geometry, *params),
+            StageSpec::RegionOfInterest(params) => region_of_interest::make(geometry, *params),
+            StageSpec::HotPixel(spec) => {
                 check_hot_pixels(&spec.file, spec.sensor, geometry)?;
                 hot_pixel::make(geometry, ())?.masking(&spec.pixels, geometry)
             }
-            FilterSpec::Refractory(params) if params.shift == 0 => refractory_u32::make(geometry, *params),
-            FilterSpec::Refractory(params) => refractory_u16::make(geometry, *params),
-            FilterSpec::BackgroundActivity(params) if params.shift == 0 => {
+            StageSpec::Refractory(params) if params.shift == 0 => refractory_u32::make(geometry, *params),
+            StageSpec::Refractory(params) => refractory_u16::make(geometry, *params),
+            StageSpec::BackgroundActivity(params) if params.shift == 0 => {
                 background_activity_u32::make(geometry, *params)
             }
-            FilterSpec::BackgroundActivity(params) => background_activity_u16::make(geometry, *params),
-            FilterSpec::Denoise(spec) => {
+            StageSpec::BackgroundActivity(params) => background_activity_u16::make(geometry, *params),
+            StageSpec::Denoise(spec) => {
                 check_hot_pixels(&spec.hot_pixels_file, spec.hot_pixels_sensor, geometry)?;
                 let make = if spec.shift == 0 { denoise_u32::make } else { denoise_u16::make };
                 make(geometry, spec.params())?.masking(&spec.hot_pixels, geometry)
             }
-            FilterSpec::DoubleWindow(params) => double_window::make(geometry, *params),
-            FilterSpec::Stcf(params) if params.shift == 0 => stcf_u32::make(geometry, *params),
-            FilterSpec::Stcf(params) => stcf_u16::make(geometry, *params),
-            FilterSpec::Mask(spec) => mask::make(geometry, spec.keep)?.masking(&spec.pixels, geometry),
-            FilterSpec::LeakyHotPixel(params) => leaky_hot_pixel::make(geometry, *params),
-            FilterSpec::Trail(params) if params.shift == 0 => trail_u32::make(geometry, *params),
-            FilterSpec::Trail(params) => trail_u16::make(geometry, *params),
-            FilterSpec::Inceptive(params) if params.shift == 0 => inceptive_u32::make(geometry, *params),
-            FilterSpec::Inceptive(params) => inceptive_u16::make(geometry, *params),
-            FilterSpec::AntiFlicker(params) => anti_flicker::make(geometry, *params),
-            FilterSpec::Decimate(params) => decimate::make(geometry, *params),
-            FilterSpec::RateLimit(params) => rate_limit::make(geometry, *params),
+            StageSpec::DoubleWindow(params) => double_window::make(geometry, *params),
+            StageSpec::Stcf(params) if params.shift == 0 => stcf_u32::make(geometry, *params),
+            StageSpec::Stcf(params) => stcf_u16::make(geometry, *params),
+            StageSpec::Mask(spec) => mask::make(geometry, spec.keep)?.masking(&spec.pixels, geometry),
+            StageSpec::LeakyHotPixel(params) => leaky_hot_pixel::make(geometry, *params),
+            StageSpec::Trail(params) if params.shift == 0 => trail_u32::make(geometry, *params),
+            StageSpec::Trail(params) => trail_u16::make(geometry, *params),
+            StageSpec::Inceptive(params) if params.shift == 0 => inceptive_u32::make(geometry, *params),
+            StageSpec::Inceptive(params) => inceptive_u16::make(geometry, *params),
+            StageSpec::AntiFlicker(params) => anti_flicker::make(geometry, *params),
+            StageSpec::Decimate(params) => decimate::make(geometry, *params),
+            StageSpec::RateLimit(params) => rate_limit::make(geometry, *params),
             crate::transforms!(any_transform_spec) => Err(ChainCause::NoFilter),
         }
     }
@@ -229,7 +229,7 @@ pub struct HotPixelSpec {
     /// The hot pixels, each `[x, y]`; by default none.
     pub pixels: Vec<(u16, u16)>,
     /// A file of more of them, as `lobula hot-pixels` writes it. The core reads no files: whoever reads the settings
-    /// loads it first (see [`FilterSpec::hot_pixels_mut`]), or the chain cannot be made.
+    /// loads it first (see [`StageSpec::hot_pixels_mut`]), or the chain cannot be made.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
     /// Columns and rows of the sensor whose pixels they are; another is refused. By default any will do.
@@ -248,7 +248,7 @@ pub struct HotPixelList<'a> {
     pub sensor: &'a mut Option<(u16, u16)>,
 }
 
-impl FilterSpec {
+impl StageSpec {
     /// The hot pixels of a filter that has some: load what [`file`](HotPixelList::file) names into the others and leave
     /// `None` there.
     pub fn hot_pixels_mut(&mut self) -> Option<HotPixelList<'_>> {

@@ -7,7 +7,7 @@ mod filter;
 mod transform;
 mod view;
 
-pub use filter::{AnyFilter, DenoiseSpec, FilterSpec, HotPixelList, HotPixelSpec, MaskSpec};
+pub use filter::{AnyFilter, DenoiseSpec, HotPixelList, HotPixelSpec, MaskSpec, StageSpec};
 pub use transform::AnyTransform;
 pub use view::{BadView, Canvas, Line, Offline, PushError, Reference, View, ViewSpec};
 
@@ -35,7 +35,7 @@ use alloc::vec::Vec;
 #[serde(transparent)]
 pub struct Spec {
     /// The stages, first to last; none passes every event as it is.
-    pub filters: Vec<FilterSpec>,
+    pub stages: Vec<StageSpec>,
 }
 
 impl Spec {
@@ -43,13 +43,13 @@ impl Spec {
     /// a map of 16 bits.
     pub fn standard() -> Self {
         let params = DenoiseParams { shift: 3, ..DenoiseParams::default() };
-        Self { filters: [FilterSpec::Denoise(params.into())].into() }
+        Self { stages: [StageSpec::Denoise(params.into())].into() }
     }
 
     /// The first stage that gives events other times, by its number and its kind.
     pub fn moves_time(&self) -> Option<(usize, &'static str)> {
-        let moves = |(_, spec): &(usize, &FilterSpec)| spec.moves_time();
-        self.filters.iter().enumerate().find(moves).map(|(i, spec)| (i, spec.kind()))
+        let moves = |(_, spec): &(usize, &StageSpec)| spec.moves_time();
+        self.stages.iter().enumerate().find(moves).map(|(i, spec)| (i, spec.kind()))
     }
 }
 
@@ -149,7 +149,7 @@ enum Work {
 }
 
 impl Work {
-    fn try_new(spec: &FilterSpec, geometry: Geometry) -> Result<Self, ChainCause> {
+    fn try_new(spec: &StageSpec, geometry: Geometry) -> Result<Self, ChainCause> {
         match AnyTransform::try_new(spec, geometry) {
             Some(transform) => transform.map(Self::Transform),
             None => AnyFilter::try_new(spec, geometry).map(Self::Filter),
@@ -162,7 +162,7 @@ impl Chain {
     /// their own.
     pub fn try_new(spec: &Spec, geometry: Geometry) -> Result<Self, ChainError> {
         let mut output = geometry;
-        let stages = spec.filters.iter().enumerate().map(|(stage, spec)| {
+        let stages = spec.stages.iter().enumerate().map(|(stage, spec)| {
             let kind = spec.kind();
             let work = Work::try_new(spec, output).map_err(|cause| ChainError { stage, kind, cause })?;
             if let Work::Transform(transform) = &work {

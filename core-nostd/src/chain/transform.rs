@@ -1,7 +1,7 @@
 //! One stage of a chain: any transform of the registry, in memory of its own.
 
 use super::filter::memory;
-use super::{ChainCause, FilterSpec};
+use super::{ChainCause, StageSpec};
 use crate::transform::TransformError;
 use crate::{Block, Geometry, Transform, Unfit};
 use alloc::boxed::Box;
@@ -32,18 +32,18 @@ macro_rules! any_transform {
 
         impl AnyTransform {
             /// The transform that `spec` describes, for events of this sensor; `None` if it describes a filter.
-            pub fn try_new(spec: &FilterSpec, geometry: Geometry) -> Option<Result<Self, ChainCause>> {
+            pub fn try_new(spec: &StageSpec, geometry: Geometry) -> Option<Result<Self, ChainCause>> {
                 match spec {
-                    $(FilterSpec::$variant(params) => Some($module::make(geometry, *params)),)*
+                    $(StageSpec::$variant(params) => Some($module::make(geometry, *params)),)*
                     _ => None,
                 }
             }
         }
 
         /// Name of a transform in settings; that of a filter is empty.
-        pub(super) fn kind(spec: &FilterSpec) -> &'static str {
+        pub(super) fn kind(spec: &StageSpec) -> &'static str {
             match spec {
-                $(FilterSpec::$variant(_) => stringify!($module),)*
+                $(StageSpec::$variant(_) => stringify!($module),)*
                 _ => "",
             }
         }

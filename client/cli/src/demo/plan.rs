@@ -4,7 +4,7 @@ use super::truth::Truth;
 use crate::Failure;
 use crate::args::DemoArgs;
 use lobula_client::Root;
-use lobula_core::chain::{DenoiseSpec, FilterSpec, Spec};
+use lobula_core::chain::{DenoiseSpec, Spec, StageSpec};
 use lobula_core::simulation::{Scene, SceneSpec};
 use lobulad::config::{CameraConfig, Config, InstanceConfig};
 use lobulad::source::{FileSpec, SourceSpec};
@@ -120,7 +120,7 @@ fn synthetic(rate_evs: u32) -> Result<Input, Failure> {
     let truth = Truth::Scene(Box::new(scene));
     let hot_pixels = truth.hot_pixels()?;
     let denoise = DenoiseSpec { support_us, shift: 3, hot_pixels, ..DenoiseSpec::default() };
-    let filters = Spec { filters: vec![FilterSpec::Denoise(denoise)] };
+    let filters = Spec { stages: vec![StageSpec::Denoise(denoise)] };
     Ok((SourceSpec::Synthetic(spec), truth, filters, Some(rate_evs)))
 }
 
