@@ -29,8 +29,7 @@ pub enum Overlap {
 /// Sums whose elements hold no more (u8: 255 events) cannot tell what is left when an event leaves: such windows are drawn
 /// anew, until every element can count again. So are those of over 2^24 events. The tensors have the same bits either way.
 ///
-/// Counts (u8, 1280x720) of 33 ms, one each ms, of 10 Mev/s took 0.31 ms a window and 74 instructions an event; drawn anew
-/// 1.4 ms and 218 (Xeon, 2026-11).
+/// Counts (u8, 1280x720) of 33 ms, one each ms, of 10 Mev/s took 74 instructions an event; drawn anew 218 (Xeon, 2026-11).
 ///
 /// ```
 /// use lobula_core::representation::{Count, Sliding};
