@@ -12,7 +12,10 @@ use lobula_core::augmentation::{self as random, ChanceParams};
 use lobula_core::chain::StageSpec;
 use lobula_core::filter::{PolarityParams, RegionParams};
 use lobula_core::representation;
-use lobula_core::transform::{NoParams, ScaleParams, TimeWindowParams};
+use lobula_core::transform::{
+    NoParams, ResizeParams, Rotate90Params, ScaleParams, TimeScaleParams, TimeShiftParams, TimeWindowParams,
+    TranslateParams,
+};
 use lobula_core::{Block, Event, Polarity};
 use lobula_formats::LargeArray;
 
@@ -123,22 +126,30 @@ ops! {
     RegionOfInterest region_of_interest: "Events of a rectangle."
         = |op, scene, _| thinned::of_settings(op, scene, None, StageSpec::RegionOfInterest(MIDDLE));
     Crop crop: "Events of a rectangle, which becomes the sensor.";
-    FlipX flip_x: "Events mirrored left to right.";
+    FlipX flip_x: "Events mirrored left to right."
+        = |op, scene, peer| moved::of_settings(op, scene, peer, StageSpec::FlipX(NoParams {}));
     FlipY flip_y: "Events mirrored top to bottom."
         = |op, scene, peer| moved::of_settings(op, scene, peer, StageSpec::FlipY(NoParams {}));
-    Rotate90 rotate90: "Events turned by a quarter.";
+    Rotate90 rotate90: "Events turned by a quarter."
+        = |op, scene, peer| moved::of_settings(op, scene, peer, StageSpec::Rotate90(Rotate90Params { k: 1 }));
     Transpose transpose: "Events with x and y in exchange.";
-    Translate translate: "Events moved by whole pixels.";
-    Resize resize: "Events at another resolution.";
-    ResizeHalf resize_half: "Events at half the resolution.";
+    Translate translate: "Events moved by whole pixels."
+        = |op, scene, peer| moved::of_settings(op, scene, peer, StageSpec::Translate(TranslateParams { dx: 50, dy: -20 }));
+    Resize resize: "Events at another resolution."
+        = |op, scene, peer| moved::of_settings(op, scene, peer, StageSpec::Resize(ResizeParams { width: 346, height: 260 }));
+    ResizeHalf resize_half: "Events at half the resolution."
+        = |op, scene, peer| moved::of_settings(op, scene, peer, StageSpec::Resize(ResizeParams { width: 640, height: 360 }));
     Scale scale: "Events at half the resolution, told as a factor."
         = |op, scene, peer| moved::of_settings(op, scene, peer, StageSpec::Scale(HALF));
     WarpAffine warp_affine: "Events moved by an affine map.";
     WarpPerspective warp_perspective: "Events moved by a perspective map.";
     Undistort undistort: "Events without the distortion of the lens.";
-    InvertPolarity invert_polarity: "Events with ON and OFF in exchange.";
-    TimeShift time_shift: "Events moved in time.";
-    TimeScale time_scale: "Events in slow motion.";
+    InvertPolarity invert_polarity: "Events with ON and OFF in exchange."
+        = |op, scene, peer| moved::of_settings(op, scene, peer, StageSpec::InvertPolarity(NoParams {}));
+    TimeShift time_shift: "Events moved in time."
+        = |op, scene, peer| moved::of_settings(op, scene, peer, StageSpec::TimeShift(TimeShiftParams { dt_us: 12_345 }));
+    TimeScale time_scale: "Events in slow motion."
+        = |op, scene, peer| moved::of_settings(op, scene, peer, StageSpec::TimeScale(TimeScaleParams { factor: 2.5 }));
     TimeWindow time_window: "Events of the middle half of the time." = |op, scene, peer| {
         let all = scene.span(scene.events.len());
         let (t0_us, t1_us) = middle_half(all.t_first, all.t_last);

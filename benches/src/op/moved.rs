@@ -30,8 +30,8 @@ pub fn of_settings<'a>(
         Some(made) => made.map_err(|cause| format!("{cause:?}")),
         None => Err(format!("{} is no transform", settings.kind())),
     };
-    Moved { op, same: true, note: "same events; peer: fresh columns, no streaming form" }
-        .contests(scene, peer, make)
+    let note = "same events; ours: in place, in cache (whole: into a fresh array); peer: fresh columns, no streaming form";
+    Moved { op, same: true, note }.contests(scene, peer, make)
 }
 
 /// The contests of a random transform that `make` makes of these settings: it gives other events than the peer's.
