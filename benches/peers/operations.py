@@ -1,7 +1,7 @@
 """Runs the operations of `report` by Lobula and by Python libraries, in one run, and prints one table.
 
-    python3 benches/peers/operations.py [NAME...]     only operations of these names
-    python3 benches/peers/operations.py --sizes       `count` of 10^3 to 10^8 events
+    python3 benches/peers/operations.py [NAME...]       only operations of these names
+    python3 benches/peers/operations.py --sizes [N...]  `count` of 10^3 to 10^8 events, or of 10^N
 
 Makes a Python environment in target/operations with the pinned packages below, has `report` run ours, and hands the
 same recording, repeated in time, to each library, in memory and in the form it likes best. 1220000 events of
@@ -37,7 +37,7 @@ PACKAGES = [
 ]
 WIDTH, HEIGHT = SIZE = (1280, 720)
 EVENTS = 1_220_000
-SIZES = [10**n for n in range(3, 9)]
+SIZES = range(3, 9)  # powers of 10
 RECORDING = "evt3_gen41_1280x720.raw"
 
 
@@ -295,10 +295,10 @@ def row(interpreter, title, operation, count, took):
 
 def main(names):
     interpreter = python("operations", PACKAGES)
-    if names == ["--sizes"]:
+    if names[:1] == ["--sizes"]:
         print("| `count` of events | Lobula, ms | times as fast as the quickest | peers, ms of CPU time |")
         print("|---|---:|---:|---|")
-        for count in SIZES:
+        for count in (10 ** int(power) for power in names[1:] or SIZES):
             took = ours("--only", "count", "--tensor-events", str(count))["count"]
             row(interpreter, count, "count", count, took)
         return

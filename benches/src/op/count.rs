@@ -17,7 +17,7 @@ pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<V
         op: Op::Count,
         bar_stream: 5.0,
         tolerance: 0.0,
-        note: "same counts but for pixels of over 255; ours: u8, the default of views; peer: u64",
+        note: "same counts, ours up to 255: u8, the default of views; peer: u64",
     };
-    op.contests_but(100, scene, peer, || Count::<u8>::new(scene.geometry))
+    op.contests(scene, peer, || Count::<u8>::new(scene.geometry))
 }

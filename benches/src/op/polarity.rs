@@ -17,7 +17,7 @@ pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<V
         op: Op::Polarity,
         bar_stream: 5.0,
         tolerance: 0.0,
-        note: "same counts; ours: u8, the default of views; peer: u64",
+        note: "same counts, ours up to 255: u8, the default of views; peer: u64",
     };
     op.contests(scene, peer, || PolarityHistogram::<u8>::new(scene.geometry))
 }

@@ -6,6 +6,7 @@ use std::hint::black_box;
 use bytemuck::Zeroable;
 use lobula_core::Representation;
 use lobula_core::representation::{Build, Parameters};
+use lobula_core::tensor::Element;
 
 use super::Op;
 use crate::contest::{Contest, Protocol, Unit, Work};
@@ -23,7 +24,7 @@ pub fn of_defaults<'a, R>(
 ) -> Result<Vec<Contest<'a>>, String>
 where
     R: Build<Vec<u32>> + 'static,
-    R::Pixel: Into<f32>,
+    R::Pixel: Element,
 {
     let parameters = Parameters::default();
     let make =
@@ -60,7 +61,7 @@ impl Tensor {
     ) -> Result<Vec<Contest<'a>>, String>
     where
         R: Representation + 'a,
-        R::Pixel: Into<f32>,
+        R::Pixel: Element,
     {
         self.contests_but(0, scene, peer, make)
     }
@@ -78,7 +79,7 @@ impl Tensor {
     ) -> Result<Vec<Contest<'a>>, String>
     where
         R: Representation + 'a,
-        R::Pixel: Into<f32>,
+        R::Pixel: Element,
     {
         if let Some(peer) = peer {
             // Empty where it has no such tensor.
@@ -103,27 +104,23 @@ impl Tensor {
         ])
     }
 
-    /// Refuses tensors of which more than `outliers` elements are not the peer's.
+    /// Refuses tensors of which more than `outliers` elements are not the peer's, or as much of it as ours can hold.
     ///
     /// # Errors
     /// A sentence.
-    pub fn same<P: Copy + Into<f32>>(
-        &self,
-        outliers: usize,
-        ours: &[P],
-        theirs: &[f32],
-    ) -> Result<(), String> {
+    pub fn same<P: Element>(&self, outliers: usize, ours: &[P], theirs: &[f32]) -> Result<(), String> {
         if ours.len() != theirs.len() {
             return Err(format!("{}: ours {} elements, theirs {}", self.op.name(), ours.len(), theirs.len()));
         }
-        let far = |at: &usize| (ours[*at].into() - theirs[*at]).abs() > self.tolerance;
+        let most = P::from_real(f32::INFINITY).real();
+        let far = |at: &usize| (ours[*at].real() - theirs[*at].min(most)).abs() > self.tolerance;
         let differ = (0..ours.len()).filter(far).count();
         let first = (0..ours.len()).find(far).filter(|_| differ > outliers);
         first.map_or(Ok(()), |i| {
             Err(format!(
                 "{}: {differ} elements differ, the first {i}: ours {}, theirs {}",
                 self.op.name(),
-                ours[i].into(),
+                ours[i].real(),
                 theirs[i]
             ))
         })
@@ -177,4 +174,19 @@ fn stream<'a, R: Representation + 'a>(scene: &'a Scene, mut representation: R) -
         black_box(&out);
         events
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_same_is_what_our_elements_can_hold_of_the_peers() {
+        let op = Tensor { op: Op::Count, bar_stream: 1.0, tolerance: 0.0, note: "" };
+        assert_eq!(op.same(0, &[255u8, 3], &[300.0, 3.0]), Ok(()));
+        assert!(op.same(0, &[254u8, 3], &[300.0, 3.0]).is_err());
+        assert!(op.same(0, &[255.0f32, 3.0], &[300.0, 3.0]).is_err());
+        assert_eq!(op.same(1, &[254u8, 3], &[300.0, 3.0]), Ok(()));
+        assert!(op.same(1, &[255u8], &[255.0, 0.0]).is_err());
+    }
 }
