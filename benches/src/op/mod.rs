@@ -81,6 +81,7 @@ ops! {
     ReplayVoxel5 replay_voxel5: "EVT3 bytes to a voxel grid of 5 bins for each millisecond.";
     TimeSurface time_surface: "Events to a decayed time surface per polarity.";
     Count count: "Events to counts per pixel.";
+    CountU16 count_u16: "Events to counts per pixel of two bytes, which many events do not fill." = count::wide;
     SlidingCount sliding_count: "Events to counts per pixel of windows that overlap.";
     Binary binary: "Events to which pixels had any.";
     PolarityShare polarity_share: "Events to counts per pixel and polarity, as shares of the greatest.";

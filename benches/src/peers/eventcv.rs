@@ -130,7 +130,9 @@ impl EventCv {
                 let tau_ms = op::time_surface::TAU_US as f64 * MILLISECONDS_OF_A_MICROSECOND;
                 TimeSurface::new(tau_ms).generate(&own.tensor)
             }),
-            Op::Count => frame("EventCount::generate", |own| EventCount::new(false).generate(&own.tensor)),
+            Op::Count | Op::CountU16 => {
+                frame("EventCount::generate", |own| EventCount::new(false).generate(&own.tensor))
+            }
             Op::Binary => frame("Binary::generate", |own| Binary.generate(&own.tensor)),
             Op::PolarityShare => {
                 frame("Polarity::generate normalised", |own| Polarity::new(true).generate(&own.tensor))
