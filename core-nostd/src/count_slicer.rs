@@ -2,12 +2,14 @@
 
 use core::num::NonZeroU32;
 
-use crate::{Closed, Piece, Span, Window};
+use crate::{Closed, Piece, Slicer, Span, Window};
 
 /// Cuts a stream every so many events.
 ///
 /// A slice's window is from its oldest event to its newest, known when it ends; that of its beginning is its first
-/// event's time. No slice is empty. What comes out does not depend on how the stream was cut into blocks.
+/// event's time. No slice is empty, and none is longer than a window of a [`Slicer`] may be
+/// ([`PERIOD_US_MAX`](Slicer::PERIOD_US_MAX), 18 minutes): it ends with fewer events before one that would make it so, after a
+/// long silence or a restart of the camera's clock. What comes out does not depend on how the stream was cut into blocks.
 ///
 /// ```
 /// use lobula_core::{CountSlicer, Event, Geometry, Piece, Polarity, Span, Window};
@@ -51,13 +53,20 @@ impl CountSlicer {
                 Closed { window, events: 0, late: 0 }
             });
             let room = u64::from(self.events.get()).saturating_sub(open.events) as usize;
-            let (inside, after) = rest.split_at(room.min(rest.len()));
-            for t in inside.iter().map(|event| span.time(*event)) {
-                open.window = Window { t0: open.window.t0.min(t), t1: open.window.t1.max(t) };
-            }
+            let (next, _) = rest.split_at(room.min(rest.len()));
+            let mut joins = |t: u64| {
+                let longer = open.window.with(t);
+                let fits = longer.length_us() <= Slicer::PERIOD_US_MAX.into();
+                open.window = if fits { longer } else { open.window };
+                fits
+            };
+            let joined = next.iter().take_while(|event| joins(span.time(**event))).count();
+            let (inside, after) = rest.split_at_checked(joined).unwrap_or((rest, &[]));
             open.events += inside.len() as u64;
-            each(Piece::Events(span.with_events(inside)));
-            if open.events >= self.events.get().into() {
+            if !inside.is_empty() {
+                each(Piece::Events(span.with_events(inside)));
+            }
+            if inside.len() == room || inside.len() < next.len() {
                 each(Piece::End(open));
             } else {
                 self.open = Some(open);

@@ -14,6 +14,18 @@ const RESTART_US: u64 = 1 << 29;
 /// Events looked at in one go for the first that leaves the window.
 const STRIDE: usize = 256;
 
+impl Window {
+    /// One that reaches to the time `t` too.
+    pub(crate) fn with(self, t: u64) -> Self {
+        Self { t0: self.t0.min(t), t1: self.t1.max(t) }
+    }
+
+    /// From its start to its end, in µs.
+    pub(crate) const fn length_us(self) -> u64 {
+        self.t1.saturating_sub(self.t0)
+    }
+}
+
 /// What a [`Slicer`] hands out, in this order for each window: `Begin`, any number of `Events`, `End`.
 #[derive(Clone, Copy, Debug)]
 pub enum Piece<'a> {

@@ -8,7 +8,7 @@ use crate::contest::{Contest, Peer, Protocol, Unit, Work};
 use crate::input::{Scene, packets};
 use crate::peers::Library;
 
-const GRID: Grid = Grid { period_us: 33_000, stride_us: 1_000 };
+const GRID: Grid = Grid::Time { period_us: 33_000, stride_us: 1_000 };
 /// More than a window of the scene has.
 const EVENTS_MAX: usize = 1 << 20;
 

@@ -184,7 +184,8 @@ pub struct SliceArgs {
 pub struct RenderArgs {
     /// The recording
     pub file: PathBuf,
-    /// An .npy file for an array N x C x H x W, or a folder for a picture of each window, named by its start in µs
+    /// An .npy file for an array N x C x H x W, or a folder for a picture of each window, named by its start in µs, or with
+    /// --slice-events by its number from 0 on
     pub output: PathBuf,
     /// What kind of tensor, such as count, voxel_grid or time_surface: those of the daemon's views
     #[arg(long, value_name = "NAME")]
@@ -196,6 +197,13 @@ pub struct RenderArgs {
     /// [default: the period]
     #[arg(long, value_name = "TIME", value_parser = convert::time)]
     pub stride: Option<Time>,
+    /// Number of events of a window, in place of a period
+    #[arg(long, value_name = "N", conflicts_with_all = ["period", "stride"])]
+    pub slice_events: Option<u32>,
+    /// From the first event of one window to that of the next, a whole part of --slice-events: fewer, and windows overlap
+    /// [default: as many]
+    #[arg(long, value_name = "N", requires = "slice_events")]
+    pub stride_events: Option<u32>,
     /// Another setting of the view, such as dtype=u16 or bins=9; again for more
     #[arg(long, value_name = "KEY=VALUE", value_parser = render::setting)]
     pub set: Vec<(String, String)>,

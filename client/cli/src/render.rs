@@ -23,7 +23,8 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let mut view = View::try_new(&spec, recording.sensor_size()?)
         .map_err(|error| Failure::new(Failure::INPUT, error.to_string()))?;
     let blocks = blocks(&recording, args)?;
-    let mut output = Target::create(&args.output, args.overwrite, view.shape(), view.dtype())?;
+    let name = if spec.slice_events.is_some() { PictureName::Number } else { PictureName::Start };
+    let mut output = Target::create(&args.output, args.overwrite, name, view.shape(), view.dtype())?;
     let rendered = render(&mut view, blocks, recording.bytes(), &mut output);
     let windows = rendered.and_then(|()| output.finish())?;
     let report = Report {
@@ -50,9 +51,14 @@ impl RenderArgs {
         }
         settings.insert("name".into(), Value::String("render".into()));
         settings.insert("kind".into(), Value::String(self.kind.clone()));
-        settings.insert("period_us".into(), self.period.duration_us().map_err(wrong)?.into());
-        if let Some(stride) = self.stride {
-            settings.insert("stride_us".into(), stride.duration_us().map_err(wrong)?.into());
+        let period = if self.slice_events.is_none() { Some(self.period) } else { None };
+        for (key, time) in [("period_us", period), ("stride_us", self.stride)] {
+            if let Some(time) = time {
+                settings.insert(key.into(), time.duration_us().map_err(wrong)?.into());
+            }
+        }
+        for (key, events) in [("slice_events", self.slice_events), ("stride_events", self.stride_events)] {
+            settings.extend(events.map(|events| (key.into(), events.into())));
         }
         serde_json::from_value(Value::Object(settings)).map_err(|error| wrong(format!("the view: {error}")))
     }
@@ -105,12 +111,18 @@ fn render(view: &mut View, mut blocks: Blocks, bytes: u64, output: &mut Target) 
 enum Target {
     /// All of them, N x C x H x W.
     Array(TensorWriter),
-    /// A picture of each, named by the window's start in µs.
+    /// A picture of each.
     Pictures(Pictures),
 }
 
 impl Target {
-    fn create(path: &Path, overwrite: bool, shape: Shape, dtype: Dtype) -> Result<Self, Failure> {
+    fn create(
+        path: &Path,
+        overwrite: bool,
+        name: PictureName,
+        shape: Shape,
+        dtype: Dtype,
+    ) -> Result<Self, Failure> {
         if path.extension().is_some_and(|end| end == "npy") {
             return Ok(Self::Array(TensorWriter::create(path, overwrite, shape, dtype)?));
         }
@@ -120,7 +132,7 @@ impl Target {
         }
         std::fs::create_dir_all(path)
             .map_err(|error| Failure::general(format!("{}: {error}", path.display())))?;
-        Ok(Self::Pictures(Pictures { folder: path.into(), overwrite, shape, dtype, windows: 0 }))
+        Ok(Self::Pictures(Pictures { folder: path.into(), overwrite, name, shape, dtype, windows: 0 }))
     }
 
     fn take(&mut self, closed: Closed, tensor: &[u8]) -> Result<(), Failure> {
@@ -143,10 +155,19 @@ fn exists(path: &Path) -> Failure {
     Failure::new(Failure::INPUT, format!("{} is there: give another name, or --overwrite", path.display()))
 }
 
+/// How a window's picture is named.
+enum PictureName {
+    /// By its start in µs.
+    Start,
+    /// By its number: windows of events may start at the same time.
+    Number,
+}
+
 /// Pictures in a folder.
 struct Pictures {
     folder: PathBuf,
     overwrite: bool,
+    name: PictureName,
     shape: Shape,
     dtype: Dtype,
     windows: u64,
@@ -154,7 +175,11 @@ struct Pictures {
 
 impl Pictures {
     fn take(&mut self, closed: Closed, tensor: &[u8]) -> Result<(), Failure> {
-        let path = self.folder.join(format!("{:012}.png", closed.window.t0));
+        let name = match self.name {
+            PictureName::Start => closed.window.t0,
+            PictureName::Number => self.windows,
+        };
+        let path = self.folder.join(format!("{name:012}.png"));
         if path.exists() && !self.overwrite {
             return Err(exists(&path));
         }

@@ -16,6 +16,7 @@ use crate::representation::{
     BadRepresentation, Build, Dtype, Eraser, KeptSlice, Kind, Overlap, Parameters, Pixel, Sliding,
     for_each_parameter,
 };
+use crate::sliding_slicer::Strides;
 use crate::{
     BadGrid, BadPeriod, Closed, CountSlicer, Event, Geometry, Grid, Piece, Representation, Shape, Slicer,
     Slide, SlidingSlicer, Span, Window, WrongGeometry, for_each_representation,
@@ -62,6 +63,10 @@ macro_rules! view_spec {
             /// Number of events of its windows, in place of `period_us`: 1 to 2^28. The reference is the last event.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub slice_events: Option<u32>,
+            /// From the first event of one window to that of the next: a whole part of `slice_events`, 1/1024 of it at
+            /// least. Fewer than it, windows overlap. Default `slice_events`.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub stride_events: Option<u32>,
             /// Where ages are counted from: `"window_end"` (default) or `"last_event"`.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub reference: Option<Reference>,
@@ -88,6 +93,7 @@ macro_rules! view_spec {
                     period_us,
                     stride_us: None,
                     slice_events: None,
+                    stride_events: None,
                     reference: None,
                     window_us: None,
                     events_max: None,
@@ -124,29 +130,54 @@ impl ViewSpec {
     const EVENTS_DEFAULT: u32 = 1 << 20;
 
     fn cut(&self, geometry: Geometry) -> Result<Cut, BadView> {
+        self.check_slices()?;
         if let Some(grid) = self.overlapping() {
             let strides = zeroed(grid.strides().map_err(BadView::Grid)?)?;
             let sliding = SlidingSlicer::try_new(grid, geometry, strides, zeroed(self.events_max()?)?);
             return sliding.map(Cut::Sliding).map_err(BadView::Grid);
         }
-        let Some(events) = self.slice_events else {
-            return Slicer::try_new(self.period_us).map(Cut::Time).map_err(BadView::Period);
+        let strides = match self.slice_events {
+            None => Slicer::try_new(self.period_us).map(Strides::Time).map_err(BadView::Period),
+            Some(events) => {
+                let slicer = CountSlicer::try_new(events).map(Strides::Events);
+                slicer.ok_or(events_range("slice_events", events))
+            }
         };
+        strides.map(Cut::Apart)
+    }
+
+    /// Refuses settings of windows of time beside those of windows of events, and the other way around.
+    fn check_slices(&self) -> Result<(), BadView> {
+        if self.slice_events.is_none() {
+            let (key, without) = ("stride_events", "slice_events");
+            return if self.stride_events.is_none() {
+                Ok(())
+            } else {
+                Err(BadView::NotWithout { key, without })
+            };
+        }
         let meaningless = [
             ("period_us", self.period_us != 0),
             ("stride_us", self.stride_us.is_some()),
             ("reference", self.reference == Some(Reference::WindowEnd)),
         ];
-        if let Some((key, _)) = meaningless.into_iter().find(|(_, given)| *given) {
-            return Err(BadView::NotWith { key, with: "slice_events" });
+        match meaningless.into_iter().find(|(_, given)| *given) {
+            Some((key, _)) => Err(BadView::NotWith { key, with: "slice_events" }),
+            None => Ok(()),
         }
-        CountSlicer::try_new(events).map(Cut::Events).ok_or(events_range("slice_events", events))
     }
 
     /// The grid of its windows, if they overlap.
     fn overlapping(&self) -> Option<Grid> {
-        let stride_us = self.stride_us.filter(|stride_us| *stride_us != self.period_us)?;
-        self.slice_events.is_none().then_some(Grid { period_us: self.period_us, stride_us })
+        let Self { period_us, stride_us, slice_events, stride_events, .. } = *self;
+        match slice_events {
+            None => {
+                stride_us.filter(|us| *us != period_us).map(|stride_us| Grid::Time { period_us, stride_us })
+            }
+            Some(slice_events) => stride_events
+                .filter(|events| *events != slice_events)
+                .map(|stride_events| Grid::Events { slice_events, stride_events }),
+        }
     }
 
     /// How many events of a window are kept, where they are.
@@ -162,21 +193,27 @@ impl ViewSpec {
         Ok(events as usize)
     }
 
-    /// What its slices are kept in, if they are.
+    /// What its slices are kept in, if they are. Windows of events that overlap are kept by their slicer, and end at the
+    /// newest event already.
     fn kept(&self) -> Result<Option<KeptSlice<Box<[Event]>>>, BadView> {
-        if self.slice_events.is_none() && self.reference != Some(Reference::LastEvent) {
-            let without = "a reference of last_event";
-            return match (self.window_us, self.events_max) {
-                (Some(_), _) => Err(BadView::NotWithout { key: "window_us", without }),
-                (_, Some(_)) if self.overlapping().is_none() => {
-                    let without = "windows that overlap or a reference of last_event";
-                    Err(BadView::NotWithout { key: "events_max", without })
-                }
-                _ => Ok(None),
-            };
+        let overlap = self.overlapping().is_some();
+        let keeps = match self.slice_events {
+            None => self.reference == Some(Reference::LastEvent),
+            Some(_) => !overlap || self.window_us.is_some(),
+        };
+        if keeps {
+            let memory = zeroed(self.events_max()?)?;
+            return KeptSlice::try_new(self.window_us, memory).map(Some).map_err(BadView::Representation);
         }
-        let memory = zeroed(self.events_max()?)?;
-        KeptSlice::try_new(self.window_us, memory).map(Some).map_err(BadView::Representation)
+        let without = "a reference of last_event";
+        match (self.window_us, self.events_max) {
+            (Some(_), _) => Err(BadView::NotWithout { key: "window_us", without }),
+            (_, Some(_)) if !overlap => {
+                let without = "windows that overlap or a reference of last_event";
+                Err(BadView::NotWithout { key: "events_max", without })
+            }
+            _ => Ok(None),
+        }
     }
 }
 
@@ -799,37 +836,52 @@ mod tests {
             ViewSpec { reference: Some(Reference::LastEvent), ..ViewSpec::new("v", Kind::Tencode, 7_000) };
         let short = ViewSpec { window_us: Some(500), events_max: Some(100), ..last.clone() };
         let counted = ViewSpec { slice_events: Some(333), ..ViewSpec::new("v", Kind::VoxelGrid, 0) };
-        for (spec, windows) in [(last, 15), (short, 15), (counted, 16)] {
+        let sliding = ViewSpec { stride_events: Some(111), ..counted.clone() };
+        let reaching = ViewSpec { window_us: Some(500), ..sliding.clone() };
+        // Each event in three windows, but for those of the first two strides and of the last two, of 111 and of 5.
+        let thrice = 3 * 5_000 - (2 + 1) * 111 - (111 + 2 * 5);
+        for (spec, windows, events) in [
+            (last, 15, 5_000),
+            (short, 15, 5_000),
+            (counted, 16, 5_000),
+            (sliding, 44, thrice),
+            (reaching, 44, thrice),
+        ] {
             let whole = tensors(&spec, 5_000);
             assert_eq!(whole.len(), windows);
-            assert_eq!(whole.iter().map(|(closed, _)| closed.events).sum::<u64>(), 5_000);
+            assert_eq!(whole.iter().map(|(closed, _)| closed.events).sum::<u64>(), events);
             for len in [1, 63, 1_000] {
                 assert_eq!(tensors(&spec, len), whole, "{spec:?} blocks of {len}");
             }
         }
     }
 
-    /// Every 1 ms, of 7 ms. Those that begin at multiples of 7 ms are the windows that do not overlap, to the bit, but for
-    /// surfaces that remember late events from windows before.
+    /// Every 1 ms of 7 ms, every 50 events of 350. Each seventh is a window of those that do not overlap, to the bit, but
+    /// for surfaces that remember late events from windows before.
     #[test]
     fn windows_that_overlap_give_the_same_bytes_in_any_split() {
         for kind in Kind::ALL.iter().copied() {
             let apart = ViewSpec::new("v", kind, 7_000);
             let spec = ViewSpec { stride_us: Some(1_000), ..apart.clone() };
-            let whole = tensors(&spec, 5_000);
-            assert_eq!(whole.len(), 95);
-            assert_eq!(tensors(&spec, 63), whole, "{kind:?}");
+            let same = ViewSpec { stride_us: Some(7_000), ..apart.clone() };
+            let last = ViewSpec { reference: Some(Reference::LastEvent), ..spec.clone() };
+            assert!(tensors(&last, 63) == tensors(&last, 5_000), "{kind:?}");
+            let counted = ViewSpec { slice_events: Some(350), ..ViewSpec::new("v", kind, 0) };
+            let every_50 = ViewSpec { stride_events: Some(50), ..counted.clone() };
+            let every_350 = ViewSpec { stride_events: Some(350), ..counted.clone() };
             let remembers =
                 View::try_new(&spec, GEOMETRY).unwrap().representation.overlap() == Overlap::Memory;
-            let aligned = whole.iter().filter(|(closed, _)| closed.window.t0 % 7_000 == 0 && !remembers);
-            for ((closed, tensor), (of, expected)) in aligned.zip(tensors(&apart, 5_000)) {
-                assert_eq!((closed.window, closed.events), (of.window, of.events));
-                assert!(*tensor == expected, "{kind:?} {closed:?}");
+            for (spec, same, apart, windows, exact) in
+                [(spec, same, apart, 95, !remembers), (every_50, every_350, counted, 94, true)]
+            {
+                let (whole, apart) = (tensors(&spec, 5_000), tensors(&apart, 5_000));
+                assert_eq!(whole.len(), windows);
+                assert!(tensors(&spec, 63) == whole && tensors(&same, 63) == apart, "{kind:?}");
+                for ((closed, tensor), (of, expected)) in whole.iter().step_by(7).zip(apart) {
+                    assert_eq!((closed.window, closed.events), (of.window, of.events));
+                    assert!(!exact || *tensor == expected, "{kind:?} {closed:?}");
+                }
             }
-            let same = ViewSpec { stride_us: Some(7_000), ..apart.clone() };
-            assert!(tensors(&same, 63) == tensors(&apart, 63), "{kind:?}");
-            let last = ViewSpec { reference: Some(Reference::LastEvent), ..spec };
-            assert!(tensors(&last, 63) == tensors(&last, 5_000), "{kind:?}");
         }
     }
 
@@ -954,6 +1006,14 @@ mod tests {
             (
                 r#"{"name": "v", "kind": "count", "slice_events": 9, "stride_us": 3}"#,
                 "stride_us means nothing beside slice_events: remove it",
+            ),
+            (
+                r#"{"name": "v", "kind": "count", "slice_events": 9, "stride_events": 2}"#,
+                "stride_events = 2 is no stride of windows of 9 events: give a whole part of them, 1/1024 at least",
+            ),
+            (
+                r#"{"name": "v", "kind": "count", "period_us": 9, "stride_events": 3}"#,
+                "stride_events means nothing without slice_events: remove it",
             ),
             (
                 r#"{"name": "v", "kind": "count", "period_us": 9, "stride_us": 2}"#,

@@ -37,7 +37,7 @@ pub enum Overlap {
 /// let geometry = Geometry::new(3, 1);
 /// let events = [(10, 0), (25, 1), (38, 2)].map(|(t, x)| Event::new(t, x, 0, Polarity::On));
 /// let span = Span { t_first: 10, t_last: 38, geometry, events: &events };
-/// let grid = Grid { period_us: 20, stride_us: 10 };
+/// let grid = Grid::Time { period_us: 20, stride_us: 10 };
 /// let mut slicer = SlidingSlicer::try_new(grid, geometry, [Stride::default(); 2], [Event::default(); 64])?;
 /// let (mut count, mut sliding) = (Count::<u8>::new(geometry), Sliding::new());
 /// let (mut sum, mut out, mut tensors) = ([0; 3], [0; 3], Vec::new());

@@ -356,12 +356,15 @@ fn slices_of(events: &[Timed], splits: &mut Splits) -> Vec<(Window, u64)> {
 
 chunk_invariance!(custom count_slicer, streams::stream(GEOMETRY, 300), |events, splits| slices_of(events, splits));
 
+/// None is longer than 2^30 - 1 µs.
 #[test]
 fn slices_of_so_many_events() {
-    let times = [5u64, 9, 8, 5_000_000_000, 5_000_000_001, 5_000_000_002, 5_000_000_003, 5_000_000_004];
+    let long = (1 << 30) - 1;
+    let times = [5u64, 9, 8, 9, 9, 9, 9, 50, 50 + long, 49, 51 + long, 51, 53 + long];
     let events = times.map(|t| Timed::new(t, 0, 0, Polarity::On));
     let expected =
-        [(Window { t0: 5, t1: 5_000_000_003 }, 7), (Window { t0: 5_000_000_004, t1: 5_000_000_004 }, 1)];
+        [(5, 9, 7), (50, 50 + long, 2), (49, 49, 1), (51, 51 + long, 2), (53 + long, 53 + long, 1)]
+            .map(|(t0, t1, events)| (Window { t0, t1 }, events));
     assert_eq!(slices_of(&events, &mut Splits::Ones), expected);
 }
 

@@ -31,31 +31,96 @@ struct AllSlid {
     overflowed: u64,
 }
 
-/// Strides are the windows of a slicer; those between two steps back of its clock make windows together.
+/// A stride with its events.
+type OneStride = (Window, Vec<Timed>);
+
+/// Strides of time are the windows of a slicer; those between two steps back of its clock make windows together. Strides of
+/// events do as long as none of their windows is too long.
 fn expected(events: &[Timed], grid: Grid, events_max: usize) -> AllSlid {
-    let Sliced { windows: strides, late, skipped } = oracle(events, grid.stride_us);
-    let mut out = AllSlid { late, skipped, ..AllSlid::default() };
-    for run in strides.chunk_by(|a, b| b.0.t0 >= a.0.t1) {
-        slide_over(run, grid, events_max, &mut out);
+    let mut out = AllSlid::default();
+    match grid {
+        Grid::Time { stride_us, .. } => {
+            let Sliced { windows: strides, late, skipped } = oracle(events, stride_us);
+            out = AllSlid { late, skipped, ..out };
+            for run in strides.chunk_by(|a, b| b.0.t0 >= a.0.t1) {
+                slide_over(run, grid, events_max, 0, &mut out);
+            }
+        }
+        Grid::Events { stride_events, .. } => {
+            let (strides, n) = (strides_of_events(events, stride_events), grid.strides().unwrap());
+            let (mut from, mut end, mut held) = (0, 0, 0);
+            for at in 0..strides.len() {
+                // Ends of windows do not step back.
+                let latest = strides[at].0.t1.max(end);
+                let t0 =
+                    strides[(at + 1).saturating_sub(n).max(from)..=at].iter().map(|stride| stride.0.t0).min();
+                if latest - t0.unwrap() > Slicer::PERIOD_US_MAX.into() {
+                    held = slide_over(&strides[from..at], grid, events_max, held, &mut out);
+                    from = at;
+                }
+                end = if from == at { strides[at].0.t1 } else { latest };
+            }
+            slide_over(&strides[from..], grid, events_max, held, &mut out);
+        }
     }
     out
 }
 
-fn slide_over(run: &[(Window, Vec<Timed>)], grid: Grid, events_max: usize, out: &mut AllSlid) {
+/// From the oldest event to the newest.
+fn span_of<'a>(events: impl Iterator<Item = &'a Timed> + Clone) -> Window {
+    let times = events.map(|timed| timed.t);
+    Window { t0: times.clone().min().unwrap(), t1: times.max().unwrap() }
+}
+
+fn strides_of_events(events: &[Timed], stride_events: u32) -> Vec<OneStride> {
+    let (mut strides, mut rest) = (vec![], events);
+    while !rest.is_empty() {
+        let short = |n: &usize| {
+            let Window { t0, t1 } = span_of(rest[..*n].iter());
+            t1 - t0 <= Slicer::PERIOD_US_MAX.into()
+        };
+        let n = (1..=rest.len().min(stride_events as usize)).take_while(short).last().unwrap();
+        strides.push((span_of(rest[..n].iter()), rest[..n].to_vec()));
+        rest = &rest[n..];
+    }
+    strides
+}
+
+/// That of the strides `first` to `last` of a run, of which there may be fewer than a window has.
+fn window_of(run: &[OneStride], first: usize, last: usize, grid: Grid) -> Window {
+    match grid {
+        Grid::Time { period_us, .. } if run.len() < grid.strides().unwrap() => {
+            Window { t0: run[0].0.t0, t1: run[0].0.t0 + u64::from(period_us) }
+        }
+        Grid::Time { period_us, .. } => {
+            Window { t0: run[last].0.t1 - u64::from(period_us), t1: run[last].0.t1 }
+        }
+        Grid::Events { .. } => Window {
+            t0: span_of(run[first..=last].iter().flat_map(|stride| &stride.1)).t0,
+            t1: span_of(run[..=last].iter().flat_map(|stride| &stride.1)).t1,
+        },
+    }
+}
+
+/// Adds the windows of a run, whose first stride came while `held` events of the run before were still kept. Returns how
+/// many of its own are at its end.
+fn slide_over(run: &[OneStride], grid: Grid, events_max: usize, held: usize, out: &mut AllSlid) -> usize {
+    if run.is_empty() {
+        return held;
+    }
     let n = grid.strides().unwrap();
-    let late =
-        |(stride, inside): &(Window, Vec<Timed>)| inside.iter().filter(|e| e.t < stride.t0).count() as u64;
+    let late = |(stride, inside): &OneStride| inside.iter().filter(|e| e.t < stride.t0).count() as u64;
     let mut kept: Vec<&[Timed]> = vec![];
-    for (i, (_, inside)) in run.iter().enumerate() {
-        let others: usize = kept[(i + 1).saturating_sub(n)..].iter().map(|stride| stride.len()).sum();
+    let newest = |kept: &[&[Timed]], n| kept.iter().rev().take(n).map(|stride| stride.len()).sum::<usize>();
+    for (_, inside) in run {
+        let others = if kept.is_empty() { held } else { newest(&kept, n - 1) };
         kept.push(&inside[..inside.len().min(events_max - others)]);
-        out.overflowed += (inside.len() - kept[i].len()) as u64;
+        out.overflowed += (inside.len() - kept[kept.len() - 1].len()) as u64;
     }
     for last in n.min(run.len()) - 1..run.len() {
         let first = (last + 1).saturating_sub(n);
         let is_first = last + 1 == n.min(run.len());
-        let t0 = if run.len() < n { run[0].0.t0 } else { run[last].0.t1 - u64::from(grid.period_us) };
-        let window = Window { t0, t1: t0 + u64::from(grid.period_us) };
+        let window = window_of(run, first, last, grid);
         let came = run[first..=last].iter().map(|(_, inside)| inside.len() as u64).sum();
         let new = if is_first { first } else { last };
         let late = run[new..=last].iter().map(late).sum();
@@ -66,6 +131,7 @@ fn slide_over(run: &[(Window, Vec<Timed>)], grid: Grid, events_max: usize, out: 
             coming: kept[new..=last].concat(),
         });
     }
+    newest(&kept, n - 1)
 }
 
 /// Feeds pieces of a stream to a slicer, and tells it the time now and then, as [`crate::window::slice`] does.
@@ -119,9 +185,13 @@ fn collect(events: &[Timed], grid: Grid, events_max: usize, splits: &mut Splits)
 }
 
 fn grids() -> impl Strategy<Value = Grid> {
-    let strides = prop_oneof![Just(1u32), 2u32..5, 5u32..50, Just(Grid::STRIDES_MAX)];
+    let strides = || prop_oneof![Just(1u32), 2u32..5, 5u32..50, Just(Grid::STRIDES_MAX)];
     let stride_us = prop_oneof![1u32..100, 100u32..100_000, 500_000u32..1_000_000];
-    (strides, stride_us).prop_map(|(n, stride_us)| Grid { period_us: n * stride_us, stride_us })
+    let events = |(n, stride_events)| Grid::Events { slice_events: n * stride_events, stride_events };
+    prop_oneof![
+        (strides(), stride_us).prop_map(|(n, stride_us)| Grid::Time { period_us: n * stride_us, stride_us }),
+        (strides(), 1u32..20).prop_map(events),
+    ]
 }
 
 proptest! {
@@ -144,7 +214,10 @@ proptest! {
 
 // Few events: each long silence is a thousand windows.
 chunk_invariance!(custom sliding_windows, streams::stream(GEOMETRY, 40), |events, splits| {
-    collect(events, Grid { period_us: 40_000, stride_us: 10_000 }, 50, splits)
+    collect(events, Grid::Time { period_us: 40_000, stride_us: 10_000 }, 50, splits)
+});
+chunk_invariance!(custom sliding_windows_of_events, streams::stream(GEOMETRY, 200), |events, splits| {
+    collect(events, Grid::Events { slice_events: 12, stride_events: 3 }, 11, splits)
 });
 
 #[test]
@@ -152,7 +225,7 @@ fn a_stride_as_long_as_the_window_gives_the_windows_of_a_slicer() {
     let events = streams::stepping_back();
     for period_us in [1, 64, 4_096, 100_000] {
         let AllSlid { windows, late, skipped, .. } =
-            collect(&events, Grid { period_us, stride_us: period_us }, 100, &mut Splits::Ones);
+            collect(&events, Grid::Time { period_us, stride_us: period_us }, 100, &mut Splits::Ones);
         let windows = windows.into_iter().map(|slid| (slid.closed.window, slid.inside)).collect();
         assert_eq!(Sliced { windows, late, skipped }, oracle(&events, period_us));
     }
@@ -246,10 +319,15 @@ macro_rules! check_all {
         #[test]
         fn every_tensor_is_that_of_its_events_alone() {
             let events = eventful();
-            for n in [1, 2, 5, 33] {
-                let grid = Grid { period_us: n * 1_000, stride_us: 1_000 };
+            let of_time = [1, 2, 5, 33].map(|n| Grid::Time { period_us: n * 1_000, stride_us: 1_000 });
+            let of_events = [(1, 100), (7, 100), (2, 1_900)]
+                .map(|(n, stride_events)| Grid::Events { slice_events: n * stride_events, stride_events });
+            for grid in of_time.into_iter().chain(of_events) {
                 let AllSlid { windows, overflowed, .. } = expected(&events, grid, 4_000);
-                assert!(overflowed == 0 && windows.iter().filter(|slid| slid.is_first).count() == 2);
+                // A restart; and a silence that no window of events reaches over, where one has more than a stride.
+                let runs = if matches!(grid, Grid::Events { .. }) && grid.strides() != Ok(1) { 3 } else { 2 };
+                assert_eq!(windows.iter().filter(|slid| slid.is_first).count(), runs, "{grid:?}");
+                assert_eq!(overflowed, 0);
                 $(check::<$type>(&events, grid, &windows);)*
             }
         }
@@ -289,7 +367,7 @@ impl Representation for Spy {
 
 #[test]
 fn a_sum_is_drawn_anew_only_where_a_pixel_was_full() {
-    let grid = Grid { period_us: 20_000, stride_us: 1_000 };
+    let grid = Grid::Time { period_us: 20_000, stride_us: 1_000 };
     let at = |i: u64, x: u16| Timed::new(i * 10, x, 0, Polarity::On);
     let calm: Vec<Timed> = (0..10_000).map(|i| at(i, (i % 16) as u16)).collect();
     let drawn = |events: &[Timed]| {
@@ -313,9 +391,16 @@ fn a_sum_is_drawn_anew_only_where_a_pixel_was_full() {
 
 #[test]
 fn refuses_grids_and_memory_that_do_not_fit() {
-    let grid = |period_us, stride_us| Grid { period_us, stride_us };
-    for (period_us, stride_us, strides) in [(33_000, 1_000, 33), (1, 1, 1), (1_024, 1, 1_024)] {
-        assert_eq!(grid(period_us, stride_us).strides(), Ok(strides));
+    let grid = |period_us, stride_us| Grid::Time { period_us, stride_us };
+    let by_number = |slice_events, stride_events| Grid::Events { slice_events, stride_events };
+    for (window, stride, strides) in [(33_000, 1_000, 33), (1, 1, 1), (1_024, 1, 1_024)] {
+        assert_eq!(grid(window, stride).strides(), Ok(strides));
+        assert_eq!(by_number(window, stride).strides(), Ok(strides));
+    }
+    for (window, stride) in [(0, 1), (1, 0), (0, 0), (10, 3), (10, 20), (2_048, 1)] {
+        let text = by_number(window, stride).strides().unwrap_err().to_string();
+        let named = format!("stride_events = {stride} is no stride of windows of {window} events: ");
+        assert!(text.starts_with(&named), "{text}");
     }
     for (period_us, stride_us, text) in [
         (10, 3, "stride_us = 3 is no stride of windows of 10 µs: give a whole part of them, 1/1024 at least"),
@@ -346,7 +431,7 @@ fn refuses_grids_and_memory_that_do_not_fit() {
 
 #[test]
 fn survives_the_end_of_time() {
-    let grid = Grid { period_us: 3_000, stride_us: 1_000 };
+    let grid = Grid::Time { period_us: 3_000, stride_us: 1_000 };
     let mut slicer =
         SlidingSlicer::try_new(grid, GEOMETRY, [Stride::default(); 3], [Event::default(); 4]).unwrap();
     let mut slides = 0;
@@ -366,7 +451,7 @@ fn survives_the_end_of_time() {
 
 #[test]
 fn a_still_scene_gives_windows_at_the_rate_of_the_stride() {
-    let grid = Grid { period_us: 3_000, stride_us: 1_000 };
+    let grid = Grid::Time { period_us: 3_000, stride_us: 1_000 };
     let mut slicer =
         SlidingSlicer::try_new(grid, GEOMETRY, [Stride::default(); 3], [Event::default(); 4]).unwrap();
     let mut windows = vec![];

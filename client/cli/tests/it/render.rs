@@ -71,6 +71,33 @@ fn windows_that_overlap_hold_every_event_in_each_of_them() {
     }
 }
 
+/// Of 219,596 events, as truth.json has it.
+#[test]
+fn windows_of_so_many_events_hold_as_many_and_may_overlap() {
+    let Some(from) = data(RECORDING) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (array, pictures) = (folder.path().join("a.npy"), folder.path().join("pictures"));
+    let to = |path: &Path, options: &[&str]| {
+        let args = ["render", from.to_str().unwrap(), path.to_str().unwrap(), "--json", "--kind", "count"];
+        json(&[&args[..], &["--slice-events", "40000"], options].concat())["windows"].as_u64().unwrap()
+    };
+    let counts = |options: &[&str]| {
+        let windows = to(&array, &[&["--overwrite", "--set", "dtype=u16"], options].concat());
+        let data = npy(&array).1;
+        let sum =
+            |tensor: &[u8]| tensor.chunks_exact(2).map(|n| u64::from(n[0]) | u64::from(n[1]) << 8).sum();
+        let sums: Vec<u64> = data.chunks_exact(2 * 720 * 1280).map(sum).collect();
+        assert_eq!(sums.len() as u64, windows);
+        sums
+    };
+    assert_eq!(counts(&[]), [40_000, 40_000, 40_000, 40_000, 40_000, 19_596]);
+    let mut overlapping = vec![40_000; 18];
+    overlapping.push(39_596);
+    assert_eq!(counts(&["--stride-events", "10000"]), overlapping);
+    assert_eq!(to(&pictures, &[]), 6);
+    assert!(pictures.join("000000000005.png").exists());
+}
+
 #[test]
 fn pictures_have_the_sensor_s_size_and_show_events() {
     let Some(from) = data(RECORDING) else { return };
@@ -107,6 +134,8 @@ fn what_cannot_be_says_what_to_do() {
     assert!(said(&[npy, "--kind", "count", "--period", "+1s"]).contains("leave the plus out"));
     let stride = said(&[npy, "--kind", "count", "--period", "5ms", "--stride", "2ms"]);
     assert!(stride.contains("stride_us = 2000 is no stride of windows of 5000 µs"), "{stride}");
+    let stride = said(&[npy, "--kind", "count", "--slice-events", "9", "--stride-events", "2"]);
+    assert!(stride.contains("stride_events = 2 is no stride of windows of 9 events"), "{stride}");
     assert!(said(&[jpg, "--kind", "count"]).contains("a name that ends in .npy"));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is left of it");
 }
