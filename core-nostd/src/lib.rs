@@ -27,6 +27,7 @@ pub mod link;
 pub mod ring;
 pub mod wire;
 
+mod compact;
 mod prefetch;
 pub mod time_map;
 

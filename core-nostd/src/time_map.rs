@@ -15,7 +15,7 @@
 //! The map has a border of one pixel, shared by the ends of neighbouring rows, that never fires: the neighbours of an
 //! edge pixel need no test of their own.
 
-use crate::filter::compact;
+use crate::compact::compact;
 use crate::prefetch::prefetch;
 use crate::{Block, Event, Geometry, WrongGeometry, full_time};
 use bytemuck::Pod;

@@ -58,7 +58,7 @@ impl Transform for DropByArea {
             self.geometry,
             self.geometry,
             #[inline(always)]
-            |word, _| {
+            move |word, _| {
                 let event = Event::from_word(word);
                 let (across, down) = (event.x().wrapping_sub(x), event.y().wrapping_sub(y));
                 (word, (across >= area.width) | (down >= area.height))

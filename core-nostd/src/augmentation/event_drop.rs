@@ -43,13 +43,13 @@ impl Transform for EventDrop {
 
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
         let (seen, len) = (self.seen, block.len() as u64);
-        let (chance, random) = (self.chance, &self.random);
+        let (chance, random) = (self.chance, self.random.clone());
         let left = select(
             block,
             self.geometry,
             self.geometry,
             #[inline(always)]
-            |word, i| (word, !chance.hits(random.at(seen.wrapping_add(i as u64)))),
+            move |word, i| (word, !chance.hits(random.at(seen.wrapping_add(i as u64)))),
         )?;
         self.seen = seen.wrapping_add(len);
         Ok(left)

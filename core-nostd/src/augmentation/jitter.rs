@@ -57,13 +57,13 @@ impl Transform for SpatialJitter {
 
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
         let (seen, len) = (self.seen, block.len() as u64);
-        let (sigma, random, geometry) = (self.sigma, &self.random, self.geometry);
+        let (sigma, random, geometry) = (self.sigma, self.random.clone(), self.geometry);
         let left = select(
             block,
             geometry,
             geometry,
             #[inline(always)]
-            |word, i| {
+            move |word, i| {
                 let n = seen.wrapping_add(i as u64).wrapping_mul(3);
                 let fill = random.at(n);
                 let dx = sigma * normal(random.at(n.wrapping_add(1)), fill as u32);
@@ -134,13 +134,13 @@ impl Transform for TimeJitter {
         }
         let (seen, len, anchor) = (self.seen, block.len() as u64, block.t_first);
         let before_anchor = -(anchor.min(SPAN_MAX_US) as i64);
-        let (sigma, random) = (self.sigma, &self.random);
+        let (sigma, random) = (self.sigma, self.random.clone());
         let left = select(
             block,
             self.geometry,
             self.geometry,
             #[inline(always)]
-            |word, i| {
+            move |word, i| {
                 let n = seen.wrapping_add(i as u64).wrapping_mul(2);
                 let dt = rounded(sigma * normal(random.at(n), random.at(n.wrapping_add(1)) as u32));
                 let offset = i64::from((word as u32).wrapping_sub(anchor as u32) as i32) + i64::from(dt);

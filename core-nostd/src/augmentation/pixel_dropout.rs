@@ -38,13 +38,13 @@ impl Transform for PixelDropout {
     }
 
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
-        let (chance, random, geometry) = (self.chance, &self.random, self.geometry);
+        let (chance, random, geometry) = (self.chance, self.random.clone(), self.geometry);
         Ok(select(
             block,
             geometry,
             geometry,
             #[inline(always)]
-            |word, _| {
+            move |word, _| {
                 let event = Event::from_word(word);
                 (word, !chance.hits(random.at(geometry.index(event.x(), event.y()) as u64)))
             },

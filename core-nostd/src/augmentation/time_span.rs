@@ -68,7 +68,7 @@ impl Transform for DropByTime {
             self.geometry,
             self.geometry,
             #[inline(always)]
-            |word, _| (word, !is_within(word)),
+            move |word, _| (word, !is_within(word)),
         )?)
     }
 }

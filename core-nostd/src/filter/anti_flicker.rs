@@ -13,7 +13,8 @@
 
 use super::periods::{Ended, Periods};
 use super::tiles::Tiles;
-use super::{FilterError, cleared, compact::compact_all, in_range};
+use super::{FilterError, cleared, in_range};
+use crate::compact::compact_all;
 use crate::{Block, Event, Filter, Geometry, WrongGeometry, full_time};
 use core::num::NonZeroU64;
 

@@ -3,7 +3,8 @@
 //! Rule: of the events from the first on, numbered from 0, those whose number is a multiple of `n` are kept. It thins
 //! noise and signal alike; where a rate is to be bounded, see [`RateLimit`](super::RateLimit).
 
-use super::{FilterError, compact::compact_all, in_range};
+use super::{FilterError, in_range};
+use crate::compact::compact_all;
 use crate::{Block, Event, Filter, Geometry, WrongGeometry};
 
 /// Parameters of [`Decimate`].

@@ -10,7 +10,8 @@
 //! Windows that are not full yet hold fewer events, so the first event of a stream is noise. Time plays no part: no
 //! silence and no restart of the clock empties a window.
 
-use super::{FilterError, compact::compact_all, in_range};
+use super::{FilterError, in_range};
+use crate::compact::compact_all;
 use crate::{Block, Event, Filter, Geometry, WrongGeometry};
 
 /// Parameters of [`DoubleWindow`].

@@ -7,7 +7,7 @@
 //! among 10 pixels or fewer, and many hot pixels hide each other. So learn over a whole quiet scene, and where that
 //! is not enough, learn again behind the filter that applies the first mask.
 
-use super::{FilterError, PixelMask, cleared, compact::compact_all};
+use super::{FilterError, MaskKeep, PixelMask, cleared};
 use crate::{Block, Event, Filter, Geometry, Span, WrongGeometry};
 
 /// Drops the events of a mask's pixels.
@@ -49,8 +49,7 @@ impl<S: AsRef<[u32]>> Filter for HotPixelFilter<S> {
 
     fn retain(&mut self, block: &mut Block<'_>) -> Result<usize, WrongGeometry> {
         self.mask.geometry().check(block.geometry)?;
-        let mask = &self.mask;
-        let kept = compact_all(block.events_mut(), |event| mask.spares(event));
+        let kept = self.mask.thin(block.events_mut(), MaskKeep::Outside);
         block.truncate(kept);
         Ok(kept)
     }

@@ -9,7 +9,8 @@
 //! `limit` events of each hot pixel and of a byte a pixel. A restart of the camera's clock empties the counters.
 
 use super::periods::{Ended, Periods};
-use super::{FilterError, cleared, compact::compact_all, in_range};
+use super::{FilterError, cleared, in_range};
+use crate::compact::compact_all;
 use crate::{Block, Event, Filter, Geometry, WrongGeometry, full_time};
 use core::num::NonZeroU64;
 

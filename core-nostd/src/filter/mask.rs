@@ -1,6 +1,7 @@
 //! A set of pixels, one bit each, and the filter that keeps the events of its pixels or of all others.
 
-use super::{FilterError, compact::compact_all};
+use super::FilterError;
+use crate::compact::select_tiles;
 use crate::{Block, Event, Filter, Geometry, WrongGeometry};
 
 /// A set of pixels of a sensor in the caller's memory: bit `i % 32` of word `i / 32` for the row-major index `i`.
@@ -46,11 +47,44 @@ impl<S: AsRef<[u32]>> PixelMask<S> {
         self.geometry.contains(x, y) && !self.spares(Event::new(0, x, y, crate::Polarity::Off))
     }
 
+    /// Keeps the events of the mask's pixels or of all others; returns how many are left at the start.
+    pub(super) fn thin(&self, events: &mut [Event], keep: MaskKeep) -> usize {
+        let mask = PixelMask { geometry: self.geometry, words: self.words.as_ref() };
+        let outside = u64::from(keep == MaskKeep::Outside);
+        select_tiles(
+            events,
+            #[inline(always)]
+            move |words, places, _| {
+                // Indices and verdicts in vectors; only bits are looked up one by one.
+                for (place, word) in places.iter_mut().zip(words) {
+                    *place = mask.index(Event::from_word(*word));
+                }
+                for place in &mut *places {
+                    *place = mask.bit(*place);
+                }
+                for place in places {
+                    *place ^= outside;
+                }
+            },
+        )
+    }
+
+    #[inline(always)]
+    fn index(&self, event: Event) -> u64 {
+        u64::from(event.y()) * u64::from(self.geometry.width) + u64::from(event.x())
+    }
+
+    /// 1 where the mask has this pixel or ends before it.
+    #[inline(always)]
+    fn bit(&self, i: u64) -> u64 {
+        let word = self.words.as_ref().get(i as usize / 32).copied().unwrap_or(!0);
+        u64::from(word >> (i % 32) & 1)
+    }
+
     /// Whether the event's pixel, which is on the sensor, is not in the set.
     #[inline(always)]
     pub(crate) fn spares(&self, event: Event) -> bool {
-        let i = self.geometry.index(event.x(), event.y());
-        self.words.as_ref().get(i / 32).is_some_and(|word| word >> (i % 32) & 1 == 0)
+        self.bit(self.index(event)) == 0
     }
 
     /// The pixels in the set as (x, y), row by row.
@@ -132,8 +166,7 @@ impl<S: AsRef<[u32]>> Filter for MaskFilter<S> {
 
     fn retain(&mut self, block: &mut Block<'_>) -> Result<usize, WrongGeometry> {
         self.mask.geometry().check(block.geometry)?;
-        let (mask, spared) = (&self.mask, self.keep == MaskKeep::Outside);
-        let kept = compact_all(block.events_mut(), |event| mask.spares(event) == spared);
+        let kept = self.mask.thin(block.events_mut(), self.keep);
         block.truncate(kept);
         Ok(kept)
     }

@@ -7,7 +7,6 @@
 mod anti_flicker;
 mod background_activity;
 mod burst;
-mod compact;
 mod decimate;
 mod denoise;
 mod double_window;
@@ -28,7 +27,6 @@ mod trail;
 
 pub use anti_flicker::{AntiFlicker, AntiFlickerParams, FlickerKeep};
 pub use background_activity::{BackgroundActivity, BackgroundActivityParams};
-pub(crate) use compact::compact;
 pub use decimate::{Decimate, DecimateParams};
 pub use denoise::{Denoise, DenoiseParams};
 pub use double_window::{DoubleWindow, DoubleWindowParams};

@@ -1,6 +1,6 @@
 //! Polarity: keeps the events of one direction of change.
 
-use super::compact::compact_all;
+use crate::compact::thin;
 use crate::{Block, Event, Filter, Geometry, Polarity, WrongGeometry};
 
 /// Parameters of [`PolarityFilter`].
@@ -40,7 +40,8 @@ impl Filter for PolarityFilter {
 
     fn retain(&mut self, block: &mut Block<'_>) -> Result<usize, WrongGeometry> {
         self.geometry.check(block.geometry)?;
-        let kept = compact_all(block.events_mut(), |event| self.keep(event));
+        let keep = self.params.keep;
+        let kept = thin(block.events_mut(), move |event| event.polarity() == keep);
         block.truncate(kept);
         Ok(kept)
     }

@@ -1,6 +1,7 @@
 //! Region of interest: keeps the events of a rectangle of pixels. The sensor's size stays (a crop is a transform).
 
-use super::{FilterError, compact::compact_all};
+use super::FilterError;
+use crate::compact::thin;
 use crate::{Block, Event, Filter, Geometry, WrongGeometry};
 
 /// Parameters of [`RegionOfInterest`]: a rectangle.
@@ -15,6 +16,14 @@ pub struct RegionParams {
     pub width: u16,
     /// Rows.
     pub height: u16,
+}
+
+impl RegionParams {
+    #[inline(always)]
+    fn contains(self, event: Event) -> bool {
+        let (across, down) = (event.x().wrapping_sub(self.x), event.y().wrapping_sub(self.y));
+        (across < self.width) & (down < self.height)
+    }
 }
 
 /// Keeps the events with `x <= event.x < x + width` and `y <= event.y < y + height`.
@@ -45,13 +54,13 @@ impl RegionOfInterest {
 impl Filter for RegionOfInterest {
     #[inline]
     fn keep(&mut self, event: Event) -> bool {
-        let RegionParams { x, y, width, height } = self.params;
-        (event.x().wrapping_sub(x) < width) & (event.y().wrapping_sub(y) < height)
+        self.params.contains(event)
     }
 
     fn retain(&mut self, block: &mut Block<'_>) -> Result<usize, WrongGeometry> {
         self.geometry.check(block.geometry)?;
-        let kept = compact_all(block.events_mut(), |event| self.keep(event));
+        let region = self.params;
+        let kept = thin(block.events_mut(), move |event| region.contains(event));
         block.truncate(kept);
         Ok(kept)
     }

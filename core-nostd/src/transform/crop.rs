@@ -73,7 +73,7 @@ pub(super) fn shift(
         from,
         to,
         #[inline(always)]
-        |word, _| {
+        move |word, _| {
             let (x, y) = (x_of(word).wrapping_sub(x0), y_of(word).wrapping_sub(y0));
             (at(word, x & super::pixels::X_MAX, y & super::pixels::Y_MAX), (x < width) & (y < height))
         },

@@ -37,7 +37,7 @@ impl Transform for FlipX {
             self.geometry,
             self.geometry,
             #[inline(always)]
-            |word| at(word, last.wrapping_sub(x_of(word)) & X_MAX, y_of(word)),
+            move |word| at(word, last.wrapping_sub(x_of(word)) & X_MAX, y_of(word)),
         )?)
     }
 }
@@ -76,7 +76,7 @@ impl Transform for FlipY {
             self.geometry,
             self.geometry,
             #[inline(always)]
-            |word| at(word, x_of(word), last.wrapping_sub(y_of(word)) & Y_MAX),
+            move |word| at(word, x_of(word), last.wrapping_sub(y_of(word)) & Y_MAX),
         )?)
     }
 }

@@ -36,7 +36,7 @@ impl Transform for InvertPolarity {
             self.geometry,
             self.geometry,
             #[inline(always)]
-            |word| word ^ 1 << 63,
+            move |word| word ^ 1 << 63,
         )?)
     }
 }

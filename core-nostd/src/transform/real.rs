@@ -57,7 +57,7 @@ pub(super) fn remap(
         geometry,
         geometry,
         #[inline(always)]
-        |word, _| place(word, map(real(x_of(word)), real(y_of(word))), ends),
+        move |word, _| place(word, map(real(x_of(word)), real(y_of(word))), ends),
     )
 }
 

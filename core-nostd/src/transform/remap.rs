@@ -79,7 +79,7 @@ impl<S: AsRef<[u32]>> Transform for Remap<S> {
             self.geometry,
             self.geometry,
             #[inline(always)]
-            |word, _| {
+            move |word, _| {
                 // One off the sensor's width finds the entry of another pixel, if any: no decoder gives such events.
                 let index = y_of(word) * width + x_of(word);
                 let entry = table.get(index as usize).copied().unwrap_or(OFF);

@@ -67,7 +67,7 @@ impl Transform for Resize {
             self.geometry,
             self.output,
             #[inline(always)]
-            |word| at(word, rx.of(x_of(word), X_MAX), ry.of(y_of(word), Y_MAX)),
+            move |word| at(word, rx.of(x_of(word), X_MAX), ry.of(y_of(word), Y_MAX)),
         )?)
     }
 }

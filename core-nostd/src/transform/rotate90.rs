@@ -55,14 +55,14 @@ impl Transform for Rotate90 {
                 from,
                 to,
                 #[inline(always)]
-                |word| at(word, bottom.wrapping_sub(y_of(word)) & X_MAX, row_of(x_of(word))),
+                move |word| at(word, bottom.wrapping_sub(y_of(word)) & X_MAX, row_of(x_of(word))),
             ),
             2 => move_all(
                 block,
                 from,
                 to,
                 #[inline(always)]
-                |word| {
+                move |word| {
                     let (x, y) = (right.wrapping_sub(x_of(word)), bottom.wrapping_sub(y_of(word)));
                     at(word, x & X_MAX, y & Y_MAX)
                 },
@@ -72,7 +72,7 @@ impl Transform for Rotate90 {
                 from,
                 to,
                 #[inline(always)]
-                |word| at(word, y_of(word), row_of(right.wrapping_sub(x_of(word)) & X_MAX)),
+                move |word| at(word, y_of(word), row_of(right.wrapping_sub(x_of(word)) & X_MAX)),
             ),
         };
         Ok(moved?)

@@ -79,7 +79,7 @@ impl Transform for TimeScale {
                 geometry,
                 geometry,
                 #[inline(always)]
-                |word| at_time(word, nearest(real(full_time(anchor, word as u32)) * factor) as u32),
+                move |word| at_time(word, nearest(real(full_time(anchor, word as u32)) * factor) as u32),
             )?
         } else {
             move_all(block, geometry, geometry, |word| {

@@ -63,7 +63,7 @@ pub(super) fn shift(block: &mut Block<'_>, geometry: Geometry, dt: i64) -> Resul
             geometry,
             geometry,
             #[inline(always)]
-            |word| at_time(word, (word as u32).wrapping_add(dt as u32)),
+            move |word| at_time(word, (word as u32).wrapping_add(dt as u32)),
         )
     } else {
         let clamped = |bound: i128| bound.clamp(i128::from(i64::MIN), i128::from(i64::MAX)) as i64;
@@ -73,7 +73,7 @@ pub(super) fn shift(block: &mut Block<'_>, geometry: Geometry, dt: i64) -> Resul
             geometry,
             geometry,
             #[inline(always)]
-            |word, _| {
+            move |word, _| {
                 let offset = i64::from((word as u32).wrapping_sub(anchor as u32) as i32);
                 let moved = at_time(word, (word as u32).wrapping_add(dt as u32));
                 (moved, (offset >= low) & (offset <= high))

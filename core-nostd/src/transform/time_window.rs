@@ -58,7 +58,7 @@ impl Transform for TimeWindow {
             self.geometry,
             self.geometry,
             #[inline(always)]
-            |word, _| (word, is_within(word)),
+            move |word, _| (word, is_within(word)),
         )?)
     }
 }

@@ -40,7 +40,7 @@ impl Transform for Transpose {
             self.geometry,
             self.output,
             #[inline(always)]
-            |word| at(word, y_of(word), row_of(x_of(word))),
+            move |word| at(word, y_of(word), row_of(x_of(word))),
         )?)
     }
 }
