@@ -260,16 +260,28 @@ pub trait Representation {
     }
 
     /// How the tensors of windows that overlap are built, see [`Sliding`](crate::representation::Sliding). An
-    /// [`Overlap::Sum`] of events is a sum in `out` and depends neither on the window nor on the events' order; `finish` of it
-    /// or of an [`Overlap::OwnSum`] changes nothing but `out`.
+    /// [`Overlap::Sum`] depends neither on the window nor on the events' order; `finish` of it or of an [`Overlap::OwnSum`]
+    /// changes nothing but `out`.
     fn overlap(&self) -> Overlap {
         Overlap::Anew
     }
 
-    /// Of a sum: takes away events that were accumulated. Returns whether it is then the sum of the others; if not,
+    /// Of a sum: adds events to what is kept from window to window, which begins as a tensor does and is as long. That is the
+    /// tensor itself, unless it does not tell what is left when an event leaves.
+    fn add(&mut self, span: Span<'_>, sum: &mut [Self::Pixel]) -> Result<(), WrongGeometry> {
+        self.accumulate(span, sum)
+    }
+
+    /// Of a sum: draws the tensor.
+    fn show(&mut self, sum: &[Self::Pixel], out: &mut [Self::Pixel]) {
+        out.iter_mut().zip(sum).for_each(|(out, sum)| *out = *sum);
+        self.finish(out);
+    }
+
+    /// Of a sum: takes away events that were [added](Self::add). Returns whether it is then the sum of the others; if not,
     /// because an element had more events than it can count, it has to be drawn anew.
-    fn take_away(&mut self, span: Span<'_>, out: &mut [Self::Pixel]) -> Result<bool, WrongGeometry> {
-        let _ = (span, out);
+    fn take_away(&mut self, span: Span<'_>, sum: &mut [Self::Pixel]) -> Result<bool, WrongGeometry> {
+        let _ = (span, sum);
         Ok(false)
     }
 

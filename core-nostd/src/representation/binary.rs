@@ -1,8 +1,8 @@
 //! Which pixels had an event.
 
 use crate::representation::index::{Draw, Places, draw_each};
-use crate::representation::{BadRepresentation, Build, Parameters, check};
-use crate::vector::widest;
+use crate::representation::{BadRepresentation, Build, Count, Overlap, Parameters, check};
+use crate::vector::{in_order, widest};
 use crate::{Event, Geometry, Representation, Shape, Span, WrongGeometry};
 
 /// 1 where a pixel had an event of either polarity, 0 else: 1 x H x W of u8.
@@ -23,12 +23,14 @@ use crate::{Event, Geometry, Representation, Shape, Span, WrongGeometry};
 #[derive(Clone, Debug)]
 pub struct Binary {
     geometry: Geometry,
+    /// What goes on where windows overlap.
+    count: Count<u8>,
 }
 
 impl Binary {
     /// For a sensor of this size.
     pub const fn new(geometry: Geometry) -> Self {
-        Self { geometry }
+        Self { geometry, count: Count::new(geometry) }
     }
 }
 
@@ -50,6 +52,25 @@ impl Representation for Binary {
     }
 
     fn finish(&mut self, _: &mut [u8]) {}
+
+    fn overlap(&self) -> Overlap {
+        Overlap::Sum
+    }
+
+    fn add(&mut self, span: Span<'_>, sum: &mut [u8]) -> Result<(), WrongGeometry> {
+        self.count.accumulate(span, sum)
+    }
+
+    fn show(&mut self, sum: &[u8], out: &mut [u8]) {
+        in_order(
+            #[inline(always)]
+            || out.iter_mut().zip(sum).for_each(|(out, count)| *out = (*count).min(1)),
+        );
+    }
+
+    fn take_away(&mut self, span: Span<'_>, sum: &mut [u8]) -> Result<bool, WrongGeometry> {
+        self.count.take_away(span, sum)
+    }
 }
 
 /// Marks the pixel of each event.

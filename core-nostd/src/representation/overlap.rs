@@ -22,9 +22,13 @@ pub enum Overlap {
 ///
 /// | kinds | drawn |
 /// |---|---|
-/// | `count`, `tile_count`, `polarity_histogram`, `event_frame` (the sum, f32), and from counts of their own `slice_polarity_histogram`, `slice_countmask`, `slice_red_blue` | from the window before: what came is added, what left is taken away |
+/// | `count`, `tile_count`, `polarity_histogram`, `event_frame` (the sum, f32), `binary` (from a count), and from counts of their own `slice_polarity_histogram`, `slice_countmask`, `slice_red_blue` | from the window before: what came is added, what left is taken away |
 /// | `time_surface`, `mcts`, `event_image`, `tore`, `sits`, `tos` | from what came: they remember the rest, from before the window too |
 /// | all others | anew, from the events that are kept |
+///
+/// An `event_frame` of u8 is drawn anew, since a sum that stops at what a byte holds depends on where the window begins: to
+/// know which pixels stopped, counts of both polarities would have to be kept, and all of them looked at for every window.
+/// That of f32 need not. Frames of the last event's sign are, since a sign does not tell how many events are left.
 ///
 /// Sums whose elements hold no more (u8: 255 events) cannot tell what is left when an event leaves: such windows are drawn
 /// anew, until every element can count again. So are those of over 2^24 events. The tensors have the same bits either way.
@@ -102,10 +106,9 @@ impl Sliding {
             stage.begin(slide.closed.window, sum);
         }
         for span in if goes_on { slide.coming() } else { slide.events() } {
-            stage.accumulate(span, sum)?;
+            stage.add(span, sum)?;
         }
-        out.iter_mut().zip(&*sum).for_each(|(out, sum)| *out = *sum);
-        stage.finish(out);
+        stage.show(sum, out);
         let mut sound = true;
         for span in slide.leaving() {
             sound &= stage.take_away(span, sum)?;
