@@ -54,14 +54,9 @@ impl CountSlicer {
             });
             let room = u64::from(self.events.get()).saturating_sub(open.events) as usize;
             let (next, _) = rest.split_at(room.min(rest.len()));
-            let mut joins = |t: u64| {
-                let longer = open.window.with(t);
-                let fits = longer.length_us() <= Slicer::PERIOD_US_MAX.into();
-                open.window = if fits { longer } else { open.window };
-                fits
-            };
-            let joined = next.iter().take_while(|event| joins(span.time(**event))).count();
+            let (joined, window) = fitting(open.window, span.with_events(next));
             let (inside, after) = rest.split_at_checked(joined).unwrap_or((rest, &[]));
+            open.window = window;
             open.events += inside.len() as u64;
             if !inside.is_empty() {
                 each(Piece::Events(span.with_events(inside)));
@@ -81,4 +76,22 @@ impl CountSlicer {
             each(Piece::End(open));
         }
     }
+}
+
+/// How many of the first events a slice that has this window can have beside its own, and its window then.
+fn fitting(window: Window, span: Span<'_>) -> (usize, Window) {
+    let fits = |window: &Window| window.length_us() <= Slicer::PERIOD_US_MAX.into();
+    let mut longer = window;
+    for event in span.events {
+        longer = longer.with(span.time(*event));
+    }
+    // Nearly always: without a way out, the loop above is short.
+    if fits(&longer) {
+        return (span.events.len(), longer);
+    }
+    let each = span.events.iter().scan(window, |window, event| {
+        *window = window.with(span.time(*event));
+        Some(*window)
+    });
+    each.take_while(fits).fold((0, window), |(events, _), window| (events + 1, window))
 }
