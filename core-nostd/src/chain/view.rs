@@ -798,18 +798,26 @@ mod tests {
             .collect()
     }
 
-    /// What a view of `kind` gives for those events in blocks of `len`.
-    fn tensors(spec: &ViewSpec, len: usize) -> Vec<(Closed, Vec<u8>)> {
-        let mut view = View::try_new(spec, GEOMETRY).unwrap();
+    fn span(geometry: Geometry, events: &[Event]) -> Span<'_> {
+        let (t_first, t_last) = (events[0].t().into(), events[events.len() - 1].t().into());
+        Span { t_first, t_last, geometry, events }
+    }
+
+    /// What a view gives for events in blocks of `len`, up to 100 ms.
+    fn drawn(view: &mut View, events: &[Event], len: usize) -> Vec<(Closed, Vec<u8>)> {
         let mut out = Vec::new();
         let mut canvas =
             Offline::new(view.len_bytes(), |closed, bytes: &[u8]| out.push((closed, bytes.to_vec())));
-        for events in events().chunks(len) {
-            let (t_first, t_last) = (events[0].t().into(), events[events.len() - 1].t().into());
-            view.push(Span { t_first, t_last, geometry: GEOMETRY, events }, &mut canvas).unwrap();
+        for events in events.chunks(len) {
+            view.push(span(GEOMETRY, events), &mut canvas).unwrap();
         }
         view.finish(100_000, &mut canvas).unwrap();
         out
+    }
+
+    /// What one with these settings gives for [`events`].
+    fn tensors(spec: &ViewSpec, len: usize) -> Vec<(Closed, Vec<u8>)> {
+        drawn(&mut View::try_new(spec, GEOMETRY).unwrap(), &events(), len)
     }
 
     #[test]
@@ -902,12 +910,8 @@ mod tests {
         }
         let few = ViewSpec { events_max: Some(120), ..spec };
         let mut view = View::try_new(&few, GEOMETRY).unwrap();
-        let mut kept = 0;
-        let mut canvas = Offline::new(view.len_bytes(), |_, bytes: &[u8]| kept = kept.max(total(bytes)));
-        let span = Span { t_first: 0, t_last: 99_980, geometry: GEOMETRY, events: &events() };
-        view.push(span, &mut canvas).unwrap();
-        view.finish(100_000, &mut canvas).unwrap();
-        assert_eq!(kept, 120);
+        let kept = drawn(&mut view, &events(), 5_000).iter().map(|(_, tensor)| total(tensor)).max();
+        assert_eq!(kept, Some(120));
         // Of the 250 events of 5 ms, half: the last 2 ms and more of each 5.
         assert!((2_500..2_700).contains(&view.overflowed()), "{}", view.overflowed());
     }
@@ -921,13 +925,7 @@ mod tests {
         )
         .unwrap();
         let events = [650, 800, 900, 950].map(|t| Event::new(t, (t % 4) as u16, 0, Polarity::On));
-        let mut out = Vec::new();
-        let mut canvas =
-            Offline::new(view.len_bytes(), |closed, bytes: &[u8]| out.push((closed, bytes.to_vec())));
-        let span = Span { t_first: 650, t_last: 950, geometry: GEOMETRY, events: &events };
-        view.push(span, &mut canvas).unwrap();
-        view.finish(950, &mut canvas).unwrap();
-        let (closed, bytes) = &out[0];
+        let (closed, bytes) = &drawn(&mut view, &events, 4)[0];
         assert_eq!((closed.window, closed.events), (Window { t0: 800, t1: 900 }, 4));
         assert_eq!((view.older(), view.overflowed()), (1, 1));
         let ages = &bytes[GEOMETRY.pixels()..][..4];
@@ -973,10 +971,8 @@ mod tests {
                 let mut kept = Vec::new();
                 let mut offline = Offline::new(len_bytes, |_, bytes: &[u8]| kept.push(bytes.to_vec()));
                 for events in events.chunks(len) {
-                    let (t_first, t_last) = (events[0].t().into(), events[events.len() - 1].t().into());
-                    let span = Span { t_first, t_last, geometry, events };
-                    views[0].push(span, &mut fresh).unwrap();
-                    views[1].push(span, &mut offline).unwrap();
+                    views[0].push(span(geometry, events), &mut fresh).unwrap();
+                    views[1].push(span(geometry, events), &mut offline).unwrap();
                     erased += u32::from(views[1].eraser.as_ref().is_some_and(Eraser::knows));
                 }
                 assert!(kept.len() > 10, "{kind:?} {period_us}");
@@ -989,90 +985,88 @@ mod tests {
 
     #[test]
     fn refuses_settings_that_mean_nothing() {
-        for (json, text) in [
+        for (settings, text) in [
+            (r#""kind": "count", "period_us": 0"#, "period_us = 0 is not a period: give 1 to 1073741823 µs"),
+            (r#""kind": "count""#, "period_us = 0 is not a period: give 1 to 1073741823 µs"),
             (
-                r#"{"name": "v", "kind": "count", "period_us": 0}"#,
-                "period_us = 0 is not a period: give 1 to 1073741823 µs",
-            ),
-            (r#"{"name": "v", "kind": "count"}"#, "period_us = 0 is not a period: give 1 to 1073741823 µs"),
-            (
-                r#"{"name": "v", "kind": "count", "slice_events": 9, "period_us": 3}"#,
+                r#""kind": "count", "slice_events": 9, "period_us": 3"#,
                 "period_us means nothing beside slice_events: remove it",
             ),
             (
-                r#"{"name": "v", "kind": "count", "slice_events": 9, "reference": "window_end"}"#,
+                r#""kind": "count", "slice_events": 9, "reference": "window_end""#,
                 "reference means nothing beside slice_events: remove it",
             ),
             (
-                r#"{"name": "v", "kind": "count", "slice_events": 9, "stride_us": 3}"#,
+                r#""kind": "count", "slice_events": 9, "stride_us": 3"#,
                 "stride_us means nothing beside slice_events: remove it",
             ),
             (
-                r#"{"name": "v", "kind": "count", "slice_events": 9, "stride_events": 2}"#,
+                r#""kind": "count", "slice_events": 9, "stride_events": 2"#,
                 "stride_events = 2 is no stride of windows of 9 events: give a whole part of them, 1/1024 at least",
             ),
             (
-                r#"{"name": "v", "kind": "count", "period_us": 9, "stride_events": 3}"#,
+                r#""kind": "count", "period_us": 9, "stride_events": 3"#,
                 "stride_events means nothing without slice_events: remove it",
             ),
             (
-                r#"{"name": "v", "kind": "count", "period_us": 9, "stride_us": 2}"#,
+                r#""kind": "count", "period_us": 9, "stride_us": 2"#,
                 "stride_us = 2 is no stride of windows of 9 µs: give a whole part of them, 1/1024 at least",
             ),
             (
-                r#"{"name": "v", "kind": "count", "period_us": 9, "stride_us": 3, "events_max": 0}"#,
+                r#""kind": "count", "period_us": 9, "stride_us": 3, "events_max": 0"#,
                 "events_max = 0 is out of range: give 1 to 2^28 events",
             ),
             (
-                r#"{"name": "v", "kind": "count", "period_us": 9, "events_max": 9}"#,
+                r#""kind": "count", "period_us": 9, "events_max": 9"#,
                 "events_max means nothing without windows that overlap or a reference of last_event: remove it",
             ),
             (
-                r#"{"name": "v", "kind": "count", "slice_events": 0}"#,
+                r#""kind": "count", "slice_events": 0"#,
                 "slice_events = 0 is out of range: give 1 to 2^28 events",
             ),
             (
-                r#"{"name": "v", "kind": "count", "period_us": 9, "window_us": 3}"#,
+                r#""kind": "count", "period_us": 9, "window_us": 3"#,
                 "window_us means nothing without a reference of last_event: remove it",
             ),
             (
-                r#"{"name": "v", "kind": "count", "period_us": 9, "reference": "last_event", "window_us": 0}"#,
+                r#""kind": "count", "period_us": 9, "reference": "last_event", "window_us": 0"#,
                 "window_us = 0 is out of range: give 1 to 2^30 µs",
             ),
             (
-                r#"{"name": "v", "kind": "mcts", "period_us": 9, "windows_us": [0]}"#,
+                r#""kind": "mcts", "period_us": 9, "windows_us": [0]"#,
                 "windows_us = 0 is out of range: give 1 to 2^30 µs each",
             ),
             (
-                r#"{"name": "v", "kind": "slice_countmask", "period_us": 9, "percentile": 101}"#,
+                r#""kind": "slice_countmask", "period_us": 9, "percentile": 101"#,
                 "percentile = 101 is out of range: give 0 to 100",
             ),
             (
-                r#"{"name": "v", "kind": "voxel_grid", "period_us": 9, "bins": 0}"#,
+                r#""kind": "voxel_grid", "period_us": 9, "bins": 0"#,
                 "bins = 0 is no voxel grid: give at least 1, and 2^32 elements at most",
             ),
             (
-                r#"{"name": "v", "kind": "time_surface", "period_us": 9, "tau_us": 0}"#,
+                r#""kind": "time_surface", "period_us": 9, "tau_us": 0"#,
                 "tau_us = 0 is not a decay: give 1 to 33554432 µs",
             ),
             (
-                r#"{"name": "v", "kind": "count", "period_us": 9, "bins": 3}"#,
+                r#""kind": "count", "period_us": 9, "bins": 3"#,
                 "bins means nothing to a count view: remove it",
             ),
             (
-                r#"{"name": "v", "kind": "voxel_grid", "period_us": 9, "tau_us": 3}"#,
+                r#""kind": "voxel_grid", "period_us": 9, "tau_us": 3"#,
                 "tau_us means nothing to a voxel_grid view: remove it",
             ),
             (
-                r#"{"name": "v", "kind": "voxel_grid", "period_us": 9, "dtype": "u8"}"#,
+                r#""kind": "voxel_grid", "period_us": 9, "dtype": "u8""#,
                 "a voxel_grid view has no elements of type u8: give one of f32",
             ),
             (
-                r#"{"name": "v", "kind": "count", "period_us": 9, "dtype": "f16"}"#,
+                r#""kind": "count", "period_us": 9, "dtype": "f16""#,
                 "a count view has no elements of type f16: give one of u8 u16 f32",
             ),
         ] {
-            assert_eq!(view(json).unwrap_err().to_string(), text, "{json}");
+            let json = format!(r#"{{"name": "v", {settings}}}"#);
+            assert_eq!(view(&json).unwrap_err().to_string(), text, "{json}");
         }
         for json in [
             r#"{"kind": "count", "period_us": 9}"#,
@@ -1121,7 +1115,6 @@ mod tests {
     fn a_window_without_memory_is_left_out_and_bad_memory_is_an_error() {
         let len_bytes = 2 * GEOMETRY.pixels() * 4;
         let event = [Event::new(50, 1, 1, Polarity::On)];
-        let span = Span { t_first: 50, t_last: 50, geometry: GEOMETRY, events: &event };
         let bad = |found| Err(PushError::Memory { expected: len_bytes, found });
         for (from, len, expected) in [
             (0, None, Ok(())),
@@ -1131,7 +1124,7 @@ mod tests {
         ] {
             let mut view = view(r#"{"name": "v", "kind": "time_surface", "period_us": 100}"#).unwrap();
             let mut lender = Lender { lines: vec![Line::zeroed(); 8], from, len, ends: 0 };
-            assert_eq!(view.push(span, &mut lender), expected);
+            assert_eq!(view.push(span(GEOMETRY, &event), &mut lender), expected);
             // The next window has memory, and the surface knows of the event all the same.
             (lender.from, lender.len) = (0, Some(len_bytes));
             view.advance(100 + Slicer::SLACK_US, &mut lender).unwrap();

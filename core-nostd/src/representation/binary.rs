@@ -1,9 +1,9 @@
 //! Which pixels had an event.
 
-use crate::representation::index::{Draw, Places, draw_each};
+use crate::representation::index::{Places, change_each};
 use crate::representation::{BadRepresentation, Build, Count, Overlap, Parameters, check};
 use crate::vector::{in_order, widest};
-use crate::{Event, Geometry, Representation, Shape, Span, WrongGeometry};
+use crate::{Geometry, Representation, Shape, Span, WrongGeometry};
 
 /// 1 where a pixel had an event of either polarity, 0 else: 1 x H x W of u8.
 ///
@@ -46,7 +46,7 @@ impl Representation for Binary {
         let places = Places::by_pixel(self.geometry);
         widest(
             #[inline(always)]
-            || draw_each(span.events, places, out, &mut Marking),
+            || change_each(places, span.events, out, |pixel, _| *pixel = 1),
         );
         Ok(())
     }
@@ -70,24 +70,6 @@ impl Representation for Binary {
 
     fn take_away(&mut self, span: Span<'_>, sum: &mut [u8]) -> Result<bool, WrongGeometry> {
         self.count.take_away(span, sum)
-    }
-}
-
-/// Marks the pixel of each event.
-struct Marking;
-
-impl Draw for Marking {
-    type Pixel = u8;
-    type Value = ();
-
-    #[inline(always)]
-    fn prepare(&self, _: Event, _: &mut u32) {}
-
-    #[inline(always)]
-    fn draw(&mut self, out: &mut [u8], at: usize, (): ()) {
-        if let Some(cell) = out.get_mut(at) {
-            *cell = 1;
-        }
     }
 }
 

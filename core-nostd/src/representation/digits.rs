@@ -5,11 +5,11 @@
 
 use core::ops::Range;
 
-use crate::representation::BadRepresentation;
-use crate::representation::index::{Draw, Places, draw_each};
+use crate::representation::index::{Places, change_each};
 use crate::representation::pixel::uncount_each;
+use crate::representation::{BadRepresentation, check};
 use crate::vector::{in_order, widest};
-use crate::{Event, Geometry};
+use crate::{Geometry, Shape, Span, WrongGeometry};
 
 /// Digits of a count.
 const DIGITS: usize = 4;
@@ -48,6 +48,30 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
         self.saturated
     }
 
+    /// The extent of so many planes of the sensor.
+    pub(super) const fn shape(&self, channels: usize) -> Shape {
+        Shape { channels, height: self.geometry.height as usize, width: self.geometry.width as usize }
+    }
+
+    /// Numbers of all counts.
+    pub(super) const fn all(&self) -> Range<usize> {
+        0..2 * self.geometry.pixels()
+    }
+
+    /// Numbers of those of ON, and of OFF.
+    pub(super) const fn by_polarity(&self) -> [Range<usize>; 2] {
+        let pixels = self.geometry.pixels();
+        [0..pixels, pixels..2 * pixels]
+    }
+
+    /// The first, second and third plane of a tensor.
+    pub(super) fn planes<'a, T>(&self, out: &'a mut [T]) -> [&'a mut [T]; 3] {
+        let pixels = self.geometry.pixels();
+        let (first, rest) = out.split_at_mut(pixels.min(out.len()));
+        let (second, third) = rest.split_at_mut(pixels.min(rest.len()));
+        [first, second, third]
+    }
+
     /// All counts are 0 again.
     pub(super) fn clear(&mut self) {
         let all =
@@ -58,27 +82,38 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
         (self.carried, self.counted) = (false, false);
     }
 
-    pub(super) fn accumulate(&mut self, events: &[Event]) {
+    pub(super) fn accumulate(&mut self, span: Span<'_>) -> Result<(), WrongGeometry> {
+        check(self.geometry, &span)?;
         let stride = Self::state_len(self.geometry) / DIGITS * size_of::<u32>();
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(self.state.as_mut());
         let (lowest, higher) = bytes.split_at_mut_checked(stride).unwrap_or_default();
-        let mut counting = Counting { higher, stride, carried: false, saturated: 0 };
+        let mut carrying = Carrying { higher, stride, carried: false, saturated: 0 };
         let places = Places::by_polarity(self.geometry);
         widest(
             #[inline(always)]
-            || draw_each(events, places, lowest, &mut counting),
+            || {
+                change_each(places, span.events, lowest, |digit: &mut u8, at| {
+                    let (more, full) = digit.overflowing_add(1);
+                    *digit = more;
+                    if full {
+                        carrying.carry(digit, at);
+                    }
+                });
+            },
         );
-        self.carried |= counting.carried;
-        self.saturated += counting.saturated;
+        self.carried |= carrying.carried;
+        self.saturated += carrying.saturated;
         self.counted = true;
+        Ok(())
     }
 
     /// Takes back what counting these events did; returns whether the counts are then those of the others. Where there
     /// is a digit but the lowest they are not, and all have to be cleared.
-    pub(super) fn take_away(&mut self, events: &[Event]) -> bool {
+    pub(super) fn take_away(&mut self, span: Span<'_>) -> Result<bool, WrongGeometry> {
+        check(self.geometry, &span)?;
         let digits: &mut [u8] = bytemuck::cast_slice_mut(self.state.as_mut());
         let lowest = digits.get_mut(..2 * self.geometry.pixels()).unwrap_or_default();
-        !self.carried && uncount_each(Places::by_polarity(self.geometry), events, lowest)
+        Ok(!self.carried && uncount_each(Places::by_polarity(self.geometry), span.events, lowest))
     }
 
     /// The lowest digits of both planes, ON and OFF.
@@ -92,6 +127,12 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
         let bytes: &[u8] = bytemuck::cast_slice(self.state.as_ref());
         let digit = |place: usize| u32::from(bytes.get(place * stride + at).copied().unwrap_or_default());
         (0..DIGITS).fold(0, |count, place| count | digit(place) << (8 * place))
+    }
+
+    /// The pixel of a count.
+    const fn pixel(&self, at: usize) -> usize {
+        let pixels = self.geometry.pixels();
+        if at < pixels { at } else { at - pixels }
     }
 
     /// Numbers of the counts that have more than one digit.
@@ -170,7 +211,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
         self.map_large(0, on, &function);
         self.map_large(pixels, off, &function);
         for at in self.large() {
-            if let Some(any) = any.get_mut(if at < pixels { at } else { at - pixels }) {
+            if let Some(any) = any.get_mut(self.pixel(at)) {
                 *any = some;
             }
         }
@@ -196,7 +237,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
                 *out = function(on_table[usize::from(*on)], off_table[usize::from(*off)]);
             }
         }
-        for at in self.large().map(|at| if at < pixels { at } else { at - pixels }) {
+        for at in self.large().map(|at| self.pixel(at)) {
             if let Some(out) = out.get_mut(at) {
                 *out = function(on_level(self.count(at)), off_level(self.count(pixels + at)));
             }
@@ -313,15 +354,15 @@ fn table<T>(function: &impl Fn(u32) -> T) -> [T; 256] {
     core::array::from_fn(|count| function(count as u32))
 }
 
-/// Counts in the lowest digits, and carries.
-struct Counting<'a> {
+/// What becomes of a lowest digit that is full.
+struct Carrying<'a> {
     higher: &'a mut [u8],
     stride: usize,
     carried: bool,
     saturated: u64,
 }
 
-impl Counting<'_> {
+impl Carrying<'_> {
     /// The lowest digit of the element went over: how many it had is back in it only when all digits are full.
     #[cold]
     #[inline(never)]
@@ -346,31 +387,16 @@ impl Counting<'_> {
     }
 }
 
-impl Draw for Counting<'_> {
-    type Pixel = u8;
-    type Value = ();
-
-    #[inline(always)]
-    fn prepare(&self, _: Event, _: &mut u32) {}
-
-    #[inline(always)]
-    fn draw(&mut self, out: &mut [u8], at: usize, (): ()) {
-        if let Some(digit) = out.get_mut(at) {
-            let (more, full) = digit.overflowing_add(1);
-            *digit = more;
-            if full {
-                self.carry(digit, at);
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Polarity;
+    use crate::{Event, Polarity};
 
     const GEOMETRY: Geometry = Geometry::new(5, 3);
+
+    fn accumulate(digits: &mut Digits<Vec<u32>>, events: &[Event]) {
+        digits.accumulate(Span { t_first: 0, t_last: 0, geometry: GEOMETRY, events }).unwrap();
+    }
 
     fn counted(counts: &[usize]) -> Digits<Vec<u32>> {
         let state = vec![0xA5A5_A5A5; Digits::<Vec<u32>>::state_len(GEOMETRY)];
@@ -379,7 +405,7 @@ mod tests {
         for (at, count) in counts.iter().enumerate() {
             let polarity = Polarity::from_bit(u16::from(at < GEOMETRY.pixels()));
             let (x, y) = (at % GEOMETRY.pixels() % 5, at % GEOMETRY.pixels() / 5);
-            digits.accumulate(&vec![Event::new(0, x as u16, y as u16, polarity); *count]);
+            accumulate(&mut digits, &vec![Event::new(0, x as u16, y as u16, polarity); *count]);
         }
         digits
     }
@@ -421,7 +447,7 @@ mod tests {
     fn the_greatest_count_stays() {
         let mut digits = counted(&[3]);
         digits.state.fill(u32::MAX);
-        digits.accumulate(&[Event::new(0, 1, 1, Polarity::On); 2]);
+        accumulate(&mut digits, &[Event::new(0, 1, 1, Polarity::On); 2]);
         assert_eq!((digits.count(6), digits.count(0), digits.saturated()), (u32::MAX, u32::MAX, 2));
     }
 }

@@ -1,5 +1,7 @@
 //! Where events go in a tensor, and how many are on their way there at once.
 
+use core::marker::PhantomData;
+
 use crate::prefetch::prefetch;
 use crate::{Event, Geometry};
 
@@ -92,6 +94,37 @@ pub(super) fn draw_each<D: Draw>(events: &[Event], places: Places, out: &mut [D:
         let mut at = places.of(*event);
         let value = drawing.prepare(*event, &mut at);
         drawing.draw(out, at as usize, value);
+    }
+}
+
+/// Changes the element of each event, in order, knowing its index and nothing else.
+#[inline(always)]
+pub(super) fn change_each<P>(
+    places: Places,
+    events: &[Event],
+    out: &mut [P],
+    change: impl FnMut(&mut P, usize),
+) {
+    draw_each(events, places, out, &mut Changing { change, pixel: PhantomData });
+}
+
+struct Changing<P, F> {
+    change: F,
+    pixel: PhantomData<P>,
+}
+
+impl<P, F: FnMut(&mut P, usize)> Draw for Changing<P, F> {
+    type Pixel = P;
+    type Value = ();
+
+    #[inline(always)]
+    fn prepare(&self, _: Event, _: &mut u32) {}
+
+    #[inline(always)]
+    fn draw(&mut self, out: &mut [P], at: usize, (): ()) {
+        if let Some(pixel) = out.get_mut(at) {
+            (self.change)(pixel, at);
+        }
     }
 }
 

@@ -1,12 +1,10 @@
 //! The types of a tensor's elements.
 
-use core::marker::PhantomData;
-
 use bytemuck::Pod;
 use half::f16;
 
 use crate::Event;
-use crate::representation::index::{Draw, Places, draw_each};
+use crate::representation::index::{Places, change_each};
 use crate::vector::widest;
 
 /// Type of a tensor's element.
@@ -179,62 +177,29 @@ impl Signed for f32 {
     }
 }
 
-/// Counts events, each at its pixel.
-pub(super) struct Counting<P> {
-    /// Events that no pixel could count.
-    pub(super) saturated: u64,
-    pixel: PhantomData<P>,
-}
-
-impl<P> Default for Counting<P> {
-    fn default() -> Self {
-        Self { saturated: 0, pixel: PhantomData }
-    }
-}
-
-impl<P: Tally> Draw for Counting<P> {
-    type Pixel = P;
-    type Value = ();
-
-    #[inline(always)]
-    fn prepare(&self, _: Event, _: &mut u32) {}
-
-    #[inline(always)]
-    fn draw(&mut self, out: &mut [P], at: usize, (): ()) {
-        if let Some(cell) = out.get_mut(at) {
-            cell.count(&mut self.saturated);
-        }
-    }
+/// Counts events, each at its pixel; returns how many no pixel could count.
+#[inline(always)]
+pub(super) fn count_each<P: Tally>(places: Places, events: &[Event], out: &mut [P]) -> u64 {
+    widest(
+        #[inline(always)]
+        || {
+            let mut saturated = 0;
+            change_each(places, events, out, |pixel, _| pixel.count(&mut saturated));
+            saturated
+        },
+    )
 }
 
 /// Takes back what counting these events did to their pixels; returns whether that is sure of all of them.
 pub(super) fn uncount_each<P: Tally>(places: Places, events: &[Event], out: &mut [P]) -> bool {
-    let mut uncounting = Uncounting { sure: true, pixel: PhantomData };
     widest(
         #[inline(always)]
-        || draw_each(events, places, out, &mut uncounting),
-    );
-    uncounting.sure
-}
-
-struct Uncounting<P> {
-    sure: bool,
-    pixel: PhantomData<P>,
-}
-
-impl<P: Tally> Draw for Uncounting<P> {
-    type Pixel = P;
-    type Value = ();
-
-    #[inline(always)]
-    fn prepare(&self, _: Event, _: &mut u32) {}
-
-    #[inline(always)]
-    fn draw(&mut self, out: &mut [P], at: usize, (): ()) {
-        if let Some(cell) = out.get_mut(at) {
-            self.sure &= cell.uncount();
-        }
-    }
+        || {
+            let mut sure = true;
+            change_each(places, events, out, |pixel, _| sure &= pixel.uncount());
+            sure
+        },
+    )
 }
 
 impl Real for f32 {

@@ -3,7 +3,7 @@
 //! Source: GEPT's event image (its equation 2), as `countmask` of eventcv 1.0.8 has it.
 
 use crate::representation::digits::Digits;
-use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check, check_percentile};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check_percentile};
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// What stands for no events in an image.
@@ -40,7 +40,6 @@ pub enum Background {
 /// ```
 #[derive(Clone, Debug)]
 pub struct SliceCountmask<S> {
-    geometry: Geometry,
     percentile: u8,
     background: Background,
     counts: Digits<S>,
@@ -61,7 +60,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> SliceCountmask<S> {
         state: S,
     ) -> Result<Self, BadRepresentation> {
         let percentile = check_percentile(percentile)?;
-        Ok(Self { geometry, percentile, background, counts: Digits::try_new(geometry, state)? })
+        Ok(Self { percentile, background, counts: Digits::try_new(geometry, state)? })
     }
 }
 
@@ -69,7 +68,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SliceCountmask<S> {
     type Pixel = u8;
 
     fn shape(&self) -> Shape {
-        Shape { channels: 3, height: self.geometry.height.into(), width: self.geometry.width.into() }
+        self.counts.shape(3)
     }
 
     fn begin(&mut self, _: Window, _: &mut [u8]) {
@@ -77,20 +76,15 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SliceCountmask<S> {
     }
 
     fn accumulate(&mut self, span: Span<'_>, _: &mut [u8]) -> Result<(), WrongGeometry> {
-        check(self.geometry, &span)?;
-        self.counts.accumulate(span.events);
-        Ok(())
+        self.counts.accumulate(span)
     }
 
     fn finish(&mut self, out: &mut [u8]) {
-        let pixels = self.geometry.pixels();
-        let alpha = self.counts.percentile(0..2 * pixels, self.percentile) as f32;
+        let alpha = self.counts.percentile(self.counts.all(), self.percentile) as f32;
         let white = self.background == Background::White;
         let byte = |share: f32| ((if white { 1.0 - share } else { share }) * 255.0) as u8;
         let level = |count: u32| byte((count as f32).min(alpha) / alpha);
-        let (red, rest) = out.split_at_mut(pixels.min(out.len()));
-        let (green, blue) = rest.split_at_mut(pixels.min(rest.len()));
-        self.counts.map_planes([red, green, blue], [byte(0.0), byte(1.0)], level);
+        self.counts.map_planes(self.counts.planes(out), [byte(0.0), byte(1.0)], level);
     }
 
     fn overlap(&self) -> Overlap {
@@ -98,8 +92,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SliceCountmask<S> {
     }
 
     fn take_away(&mut self, span: Span<'_>, _: &mut [u8]) -> Result<bool, WrongGeometry> {
-        check(self.geometry, &span)?;
-        Ok(self.counts.take_away(span.events))
+        self.counts.take_away(span)
     }
 }
 

@@ -3,7 +3,7 @@
 //! Source: `polarity` of eventcv 1.0.8, in its normalised form.
 
 use crate::representation::digits::Digits;
-use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters};
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// Number of events of each pixel by polarity, as a share of the greatest: 2 x H x W (ON, OFF) of u8.
@@ -27,7 +27,6 @@ use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 /// ```
 #[derive(Clone, Debug)]
 pub struct SlicePolarityHistogram<S> {
-    geometry: Geometry,
     counts: Digits<S>,
 }
 
@@ -39,7 +38,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> SlicePolarityHistogram<S> {
 
     /// For a sensor of this size, and state of [`state_len`](Self::state_len) elements, whatever they hold.
     pub fn try_new(geometry: Geometry, state: S) -> Result<Self, BadRepresentation> {
-        Ok(Self { geometry, counts: Digits::try_new(geometry, state)? })
+        Ok(Self { counts: Digits::try_new(geometry, state)? })
     }
 }
 
@@ -47,7 +46,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SlicePolarityHistogram<S
     type Pixel = u8;
 
     fn shape(&self) -> Shape {
-        Shape { channels: 2, height: self.geometry.height.into(), width: self.geometry.width.into() }
+        self.counts.shape(2)
     }
 
     fn begin(&mut self, _: Window, _: &mut [u8]) {
@@ -55,9 +54,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SlicePolarityHistogram<S
     }
 
     fn accumulate(&mut self, span: Span<'_>, _: &mut [u8]) -> Result<(), WrongGeometry> {
-        check(self.geometry, &span)?;
-        self.counts.accumulate(span.events);
-        Ok(())
+        self.counts.accumulate(span)
     }
 
     fn finish(&mut self, out: &mut [u8]) {
@@ -70,8 +67,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SlicePolarityHistogram<S
     }
 
     fn take_away(&mut self, span: Span<'_>, _: &mut [u8]) -> Result<bool, WrongGeometry> {
-        check(self.geometry, &span)?;
-        Ok(self.counts.take_away(span.events))
+        self.counts.take_away(span)
     }
 }
 

@@ -3,7 +3,7 @@
 //! Source: `redblue` of eventcv 1.0.8.
 
 use crate::representation::digits::Digits;
-use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check, check_percentile};
+use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check_percentile};
 use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
 /// ON red, OFF blue, on white: 3 x H x W (red, green, blue) of u8.
@@ -29,7 +29,6 @@ use crate::{Geometry, Representation, Shape, Span, Window, WrongGeometry};
 /// ```
 #[derive(Clone, Debug)]
 pub struct SliceRedBlue<S> {
-    geometry: Geometry,
     percentile: u8,
     counts: Digits<S>,
 }
@@ -44,7 +43,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> SliceRedBlue<S> {
     /// whatever they hold.
     pub fn try_new(geometry: Geometry, percentile: u8, state: S) -> Result<Self, BadRepresentation> {
         let percentile = check_percentile(percentile)?;
-        Ok(Self { geometry, percentile, counts: Digits::try_new(geometry, state)? })
+        Ok(Self { percentile, counts: Digits::try_new(geometry, state)? })
     }
 }
 
@@ -52,7 +51,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SliceRedBlue<S> {
     type Pixel = u8;
 
     fn shape(&self) -> Shape {
-        Shape { channels: 3, height: self.geometry.height.into(), width: self.geometry.width.into() }
+        self.counts.shape(3)
     }
 
     fn begin(&mut self, _: Window, _: &mut [u8]) {
@@ -60,19 +59,14 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SliceRedBlue<S> {
     }
 
     fn accumulate(&mut self, span: Span<'_>, _: &mut [u8]) -> Result<(), WrongGeometry> {
-        check(self.geometry, &span)?;
-        self.counts.accumulate(span.events);
-        Ok(())
+        self.counts.accumulate(span)
     }
 
     fn finish(&mut self, out: &mut [u8]) {
-        let pixels = self.geometry.pixels();
-        let alphas =
-            [0..pixels, pixels..2 * pixels].map(|cells| self.counts.percentile(cells, self.percentile));
+        let alphas = self.counts.by_polarity().map(|cells| self.counts.percentile(cells, self.percentile));
         let levels = alphas.map(|alpha| move |count: u32| (count as f32).min(alpha as f32) / alpha as f32);
         let faded = |value: f32| ((1.0 - value) * 255.0) as u8;
-        let (red, rest) = out.split_at_mut(pixels.min(out.len()));
-        let (green, blue) = rest.split_at_mut(pixels.min(rest.len()));
+        let [red, green, blue] = self.counts.planes(out);
         self.counts.map_pairs(red, levels, |on, off| if on >= off { u8::MAX } else { faded(off) });
         self.counts.map_pairs(green, levels, |on, off| faded(on.max(off)));
         self.counts.map_pairs(blue, levels, |on, off| if on >= off { faded(on) } else { u8::MAX });
@@ -83,8 +77,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SliceRedBlue<S> {
     }
 
     fn take_away(&mut self, span: Span<'_>, _: &mut [u8]) -> Result<bool, WrongGeometry> {
-        check(self.geometry, &span)?;
-        Ok(self.counts.take_away(span.events))
+        self.counts.take_away(span)
     }
 }
 
