@@ -16,7 +16,7 @@ fn decode(c: &mut Criterion) {
     let scene = Scene::load(EVENTS).expect("a scene");
     let mut group = c.benchmark_group("decode");
     group.throughput(Throughput::Elements(scene.events.len() as u64)).sample_size(20);
-    for kernel in evt3::Kernel::ALL.into_iter().filter(|kernel| kernel.is_available()) {
+    for kernel in evt3::Kernel::available() {
         let name = format!("evt3_{kernel:?}").to_lowercase();
         group.bench_function(name, |b| {
             b.iter(|| events_of(&mut evt3::Decoder::with_kernel(scene.geometry, kernel), &scene.bytes))

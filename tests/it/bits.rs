@@ -4,16 +4,8 @@
 #[path = "../bits/src/bits.rs"]
 mod stages;
 
-use crate::toolchain::{cargo, is_there, rustc_for, skip, succeeds};
+use crate::toolchain::{AARCH64, AARCH64_HINT, aarch64_program, qemu_aarch64, skip, succeeds};
 use std::collections::BTreeMap;
-use std::path::Path;
-use std::process::Command;
-
-const TARGET: &str = "aarch64-unknown-linux-gnu";
-const QEMU: &str = "qemu-aarch64-static";
-const LINKER: &str = "aarch64-linux-gnu-gcc";
-/// How to get them; std for aarch64 is in a package of the same release as the compiler.
-const HINT: &str = "apt-get install qemu-user-static gcc-aarch64-linux-gnu, and libstd-rust-web-dev:arm64";
 
 /// Digests by name, as the program of `tests/bits` prints them.
 pub fn on_this_machine() -> BTreeMap<String, String> {
@@ -43,19 +35,11 @@ fn stages_are_told_apart() {
 #[test]
 #[ignore = "builds for another machine: .ci/run asks for it"]
 fn aarch64_gives_the_same_bits() {
-    let Some(rustc) = rustc_for(TARGET) else {
-        return skip(&format!("no std for {TARGET} ({HINT})"));
+    let Some(program) = aarch64_program("lobula-bits") else {
+        return skip(AARCH64_HINT);
     };
-    if !is_there(QEMU) || !is_there(LINKER) {
-        return skip(&format!("no {QEMU} or {LINKER} ({HINT})"));
-    }
-    let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("bits/Cargo.toml");
-    let target_dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("bits");
-    let mut build = cargo(&manifest, &target_dir, &["--target", TARGET]);
-    build.env("RUSTC", rustc).env("CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER", LINKER);
-    succeeds(build);
-    let mut qemu = Command::new(QEMU);
-    qemu.args(["-L", "/usr/aarch64-linux-gnu"]).arg(target_dir.join(TARGET).join("release/lobula-bits"));
+    let mut qemu = qemu_aarch64();
+    qemu.arg(program);
     let said = String::from_utf8(succeeds(qemu).stdout).unwrap();
     let there: BTreeMap<String, String> = said
         .lines()
@@ -63,6 +47,6 @@ fn aarch64_gives_the_same_bits() {
         .map(|(name, digest)| (name.into(), digest.into()))
         .collect();
     let here = on_this_machine();
-    println!("{} digests on {TARGET}, {} here", there.len(), here.len());
+    println!("{} digests on {AARCH64}, {} here", there.len(), here.len());
     assert_eq!(there, here);
 }

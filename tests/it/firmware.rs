@@ -126,7 +126,7 @@ impl Inputs {
             write(&folder.join(format!("crop.{name}")), bytes);
         }
         let raw = std::fs::read(recording).unwrap();
-        write(&folder.join("whole.evt3"), &after_header(&raw)[..WHOLE_BYTES]);
+        write(&folder.join("whole.evt3"), &lobula_tests::words_of_raw(&raw)[..WHOLE_BYTES]);
         Self { folder, crops }
     }
 }
@@ -136,15 +136,6 @@ fn write(path: &Path, bytes: &[u8]) {
     if std::fs::read(path).ok().as_deref() != Some(bytes) {
         std::fs::write(path, bytes).unwrap();
     }
-}
-
-/// Of a RAW file, whose header is lines that begin with a percent sign.
-fn after_header(mut raw: &[u8]) -> &[u8] {
-    while let [b'%', ..] = raw {
-        let end = raw.iter().position(|byte| *byte == b'\n').unwrap();
-        raw = &raw[end + 1..];
-    }
-    raw
 }
 
 /// The first events of a part of the sensor.

@@ -4,5 +4,6 @@
 mod bits;
 mod c_core;
 mod firmware;
+mod neon;
 mod proof;
 mod toolchain;

@@ -27,6 +27,33 @@ pub fn rustc_for(target: &str) -> Option<PathBuf> {
     std.exists().then_some(rustc)
 }
 
+/// 64-bit ARM Linux, its linker, and what runs its programs here.
+pub const AARCH64: &str = "aarch64-unknown-linux-gnu";
+const AARCH64_LINKER: &str = "aarch64-linux-gnu-gcc";
+const AARCH64_QEMU: &str = "qemu-aarch64-static";
+/// What is missing where nothing can be built for it, and how to get it: std is in a package of the same release as the
+/// compiler.
+pub const AARCH64_HINT: &str = "no aarch64-unknown-linux-gnu (apt-get install qemu-user-static gcc-aarch64-linux-gnu, \
+     and libstd-rust-web-dev:arm64)";
+
+/// A program of `tests/bits`, built for it; `None` where there is no toolchain.
+pub fn aarch64_program(name: &str) -> Option<PathBuf> {
+    let rustc = rustc_for(AARCH64).filter(|_| is_there(AARCH64_QEMU) && is_there(AARCH64_LINKER))?;
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("bits/Cargo.toml");
+    let target_dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("bits");
+    let mut build = cargo(&manifest, &target_dir, &["--target", AARCH64]);
+    build.env("RUSTC", rustc).env("CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER", AARCH64_LINKER);
+    succeeds(build);
+    Some(target_dir.join(AARCH64).join("release").join(name))
+}
+
+/// What runs it.
+pub fn qemu_aarch64() -> Command {
+    let mut qemu = Command::new(AARCH64_QEMU);
+    qemu.args(["-L", "/usr/aarch64-linux-gnu"]);
+    qemu
+}
+
 /// rustup's linker, which knows every target.
 pub fn rust_lld() -> Option<PathBuf> {
     let host = sysroot(Path::new("rustc"))?.join("lib/rustlib");

@@ -1,4 +1,4 @@
-//! What the tests of every crate share: where the real recordings are, and Python with other libraries.
+//! What the tests of every crate share: where the real recordings are, what is in a RAW file, and Python with other libraries.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -27,6 +27,15 @@ pub fn data(name: &str) -> Option<PathBuf> {
 
 fn beside_the_repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared")
+}
+
+/// The words of a RAW recording: what follows its header, whose lines begin with `%`.
+pub fn words_of_raw(mut file: &[u8]) -> &[u8] {
+    while file.first() == Some(&b'%') {
+        let end = file.iter().position(|byte| *byte == b'\n').map_or(file.len(), |at| at + 1);
+        file = &file[end..];
+    }
+    file
 }
 
 /// The interpreter of a Python environment with these packages and no other, made in `folder` (a test's

@@ -76,7 +76,7 @@ pub fn of_wire<'a>(
             note,
         })
     };
-    let kernels = [("portable", Kernel::Portable), ("avx512", Kernel::Avx512)];
+    let kernels = [("portable", Kernel::Portable), ("neon", Kernel::Neon), ("avx512", Kernel::Avx512)];
     let available = kernels.into_iter().filter(|(_, kernel)| kernel.is_available());
     available
         .flat_map(|(name, kernel)| {

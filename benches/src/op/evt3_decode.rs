@@ -28,7 +28,8 @@ pub fn contests<'a>(scene: &'a Scene, peer: Option<&'a dyn Library>) -> Result<V
         bar: Some(bar),
         note: "same events; ours: 8 bytes an event, whole: on 2 MiB pages; peer: 13",
     };
-    let kernels = [("portable", Kernel::Portable, 4.0), ("avx512", Kernel::Avx512, 6.0)];
+    let kernels =
+        [("portable", Kernel::Portable, 4.0), ("neon", Kernel::Neon, 4.0), ("avx512", Kernel::Avx512, 6.0)];
     let available = kernels.into_iter().filter(|(_, kernel, _)| kernel.is_available());
     Ok(available
         .flat_map(|(name, kernel, bar_stream)| {

@@ -13,11 +13,17 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+mod neon;
 mod portable;
 #[cfg(test)]
 mod tests;
 
 use super::carry::{self, Carry, Held, Steps, Words};
+#[cfg(not(target_arch = "x86_64"))]
+use super::kernel::absent as avx512;
+#[cfg(not(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little")))]
+use super::kernel::absent as neon;
 use super::kernel::{Chosen, Done, Kernel};
 use super::steady::Steady;
 use super::time_high::{self, Clock, ClockOut};
@@ -117,15 +123,14 @@ impl Decoder {
         let (Some(reach), Some(base)) = (self.clock.reach(sink), self.clock.base()) else { return 0 };
         let mut steady = Steady { limits: Limits::new(self.geometry), reach, base: base as u32 };
         let spare = sink.spare();
-        let done = match self.kernel {
-            Chosen::Plain => Done::default(),
-            Chosen::Branching | Chosen::Portable => portable::run(&mut steady, words, spare),
-            Chosen::Avx512(cpu) => {
-                let done = avx512::run(cpu, &mut steady, words, spare);
-                let words = words.get(done.words..).unwrap_or_default();
-                done + portable::run(&mut steady, words, spare.get_mut(done.events..).unwrap_or_default())
-            }
+        let wide = match self.kernel {
+            Chosen::Plain => return 0,
+            Chosen::Branching | Chosen::Portable => Done::default(),
+            Chosen::Neon(cpu) => neon::run(cpu, &mut steady, words, spare),
+            Chosen::Avx512(cpu) => avx512::run(cpu, &mut steady, words, spare),
         };
+        let rest = words.get(wide.words..).unwrap_or_default();
+        let done = wide + portable::run(&mut steady, rest, spare.get_mut(wide.events..).unwrap_or_default());
         let taken = words.get(..done.words).unwrap_or_default();
         if let Some([first, .., last] | [first @ last]) = spare.get(..done.events) {
             let first = full_time(base, first.t());
@@ -291,15 +296,5 @@ impl Encode for Encoder {
 
     fn finish(&mut self, out: &mut [u8]) -> usize {
         carry::finish(self, out)
-    }
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-mod avx512 {
-    use super::{Done, Event, Steady, WORD_BYTES};
-    use crate::wire::kernel::avx512::Cpu;
-
-    pub fn run(cpu: Cpu, _: &mut Steady, _: &[[u8; WORD_BYTES]], _: &mut [Event]) -> Done {
-        match cpu {}
     }
 }

@@ -16,10 +16,16 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+mod neon;
 mod portable;
 #[cfg(test)]
 mod tests;
 
+#[cfg(not(target_arch = "x86_64"))]
+use self::absent as avx512;
+#[cfg(not(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little")))]
+use self::absent as neon;
 use super::carry::{self, Carry, Held, Steps, Words};
 use super::evt2::{Limits, pixel};
 use super::kernel::{Chosen, Done, Kernel};
@@ -188,16 +194,15 @@ impl Decoder {
         let limits = Limits::new(Geometry::new(width.saturating_sub(VECTOR_LEN as u16 - 1), height));
         let mut steady = Steady { limits, reach, base: base as u32 };
         let spare = sink.spare();
-        let done = match self.kernel {
-            Chosen::Plain => Done::default(),
-            Chosen::Branching | Chosen::Portable => portable::run::<ORDER>(&mut steady, words, spare),
-            Chosen::Avx512(cpu) => {
-                let done = avx512::run::<ORDER>(cpu, &mut steady, words, spare);
-                let words = words.get(done.words..).unwrap_or_default();
-                let spare = spare.get_mut(done.events..).unwrap_or_default();
-                done + portable::run::<ORDER>(&mut steady, words, spare)
-            }
+        let wide = match self.kernel {
+            Chosen::Plain => return 0,
+            Chosen::Branching | Chosen::Portable => Done::default(),
+            Chosen::Neon(cpu) => neon::run::<ORDER>(cpu, &mut steady, words, spare),
+            Chosen::Avx512(cpu) => avx512::run::<ORDER>(cpu, &mut steady, words, spare),
         };
+        let rest = words.get(wide.words..).unwrap_or_default();
+        let done = wide
+            + portable::run::<ORDER>(&mut steady, rest, spare.get_mut(wide.events..).unwrap_or_default());
         let taken = words.get(..done.words).unwrap_or_default();
         if let Some([first, .., last] | [first @ last]) = spare.get(..done.events) {
             let first = full_time(base, first.t());
@@ -396,10 +401,10 @@ impl Encode for Encoder {
     }
 }
 
-#[cfg(not(target_arch = "x86_64"))]
-mod avx512 {
+/// In place of a kernel that this is not compiled for.
+mod absent {
     use super::{Done, Event, Steady, WORD_BYTES};
-    use crate::wire::kernel::avx512::Cpu;
+    use crate::wire::kernel::absent::Cpu;
 
     pub fn run<const ORDER: u8>(cpu: Cpu, _: &mut Steady, _: &[[u8; WORD_BYTES]], _: &mut [Event]) -> Done {
         match cpu {}

@@ -27,6 +27,8 @@ use crate::{
 mod avx512;
 mod branching;
 mod kernel;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+mod neon;
 mod portable;
 #[cfg(test)]
 mod tests;

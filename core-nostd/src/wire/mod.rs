@@ -12,6 +12,8 @@ pub mod evt3;
 pub mod evt4;
 mod kernel;
 mod mask;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+mod neon;
 mod steady;
 
 #[cfg(test)]

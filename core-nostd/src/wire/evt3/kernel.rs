@@ -2,7 +2,13 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::avx512;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+use super::neon;
 use super::{branching, portable};
+#[cfg(not(target_arch = "x86_64"))]
+use crate::wire::kernel::absent as avx512;
+#[cfg(not(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little")))]
+use crate::wire::kernel::absent as neon;
 use crate::wire::kernel::{Chosen, Done};
 use crate::{Event, Geometry, Polarity};
 
@@ -28,21 +34,12 @@ pub(super) fn run(kernel: Chosen, state: &mut Steady, words: &[[u8; 2]], out: &m
         Chosen::Plain => Done::default(),
         Chosen::Branching => branching::run(state, words, out),
         Chosen::Portable => portable::run(state, words, out),
+        Chosen::Neon(cpu) => neon::run(cpu, state, words, out),
         Chosen::Avx512(cpu) => {
             let done = avx512::run(cpu, state, words, out);
             let words = words.get(done.words..).unwrap_or_default();
             let out = out.get_mut(done.events..).unwrap_or_default();
             done + portable::run(state, words, out) // up to the end of `out`
         }
-    }
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-mod avx512 {
-    use super::{Done, Event, Steady};
-    use crate::wire::kernel::avx512::Cpu;
-
-    pub fn run(cpu: Cpu, _: &mut Steady, _: &[[u8; 2]], _: &mut [Event]) -> Done {
-        match cpu {}
     }
 }

@@ -73,7 +73,7 @@ impl Effects {
 
 /// For each class the first word that is not for the branch-free path: 0 sends all of them to [`Vectors`], or ends the
 /// stretch.
-fn limits(geometry: Geometry) -> [u64; CLASSES] {
+pub(super) fn limits(geometry: Geometry) -> [u64; CLASSES] {
     core::array::from_fn(|class| {
         let first = (class as u64) << CLASS_SHIFT;
         let pixels = |n: u16| first + u64::from(n).min(1 << CLASS_SHIFT);
@@ -86,7 +86,7 @@ fn limits(geometry: Geometry) -> [u64; CLASSES] {
     })
 }
 
-fn pack(time: u32, x: u16, y: u16, polarity: Polarity) -> u64 {
+pub(super) fn pack(time: u32, x: u16, y: u16, polarity: Polarity) -> u64 {
     u64::from(time) | u64::from(x) << X_SHIFT | u64::from(y) << Y_SHIFT | (polarity as u64) << ON_SHIFT
 }
 
@@ -94,7 +94,7 @@ fn x_of(event: u64) -> u16 {
     (event >> X_SHIFT) as u16
 }
 
-fn y_of(event: u64) -> u16 {
+pub(super) fn y_of(event: u64) -> u16 {
     (event >> Y_SHIFT) as u16 & !Event::ON_BIT
 }
 
@@ -108,26 +108,33 @@ fn unpack(event: u64) -> Event {
 
 /// See [`run`](super::kernel::run).
 pub fn run(state: &mut Steady, words: &[[u8; 2]], out: &mut [Event]) -> Done {
-    if state.row >= state.geometry.height {
-        return Done::default(); // columns alone are compared with the limits
-    }
+    let limits = limits(state.geometry);
     widest(
         #[inline(always)]
-        || stretch(state, words, out),
+        || stretch(state, words, out, |words, event, _, out| scalars(words, &limits, event, out)),
     )
 }
 
+/// Goes through a stretch: `scalars` takes words between vectors, and whole vectors if it
+/// can, with the event that is next.
 #[inline(always)]
-fn stretch(state: &mut Steady, words: &[[u8; 2]], out: &mut [Event]) -> Done {
-    let limits = limits(state.geometry);
+pub(super) fn stretch(
+    state: &mut Steady,
+    words: &[[u8; 2]],
+    out: &mut [Event],
+    scalars: impl Fn(&[[u8; 2]], &mut u64, &mut Vectors, &mut [Event]) -> Done,
+) -> Done {
+    if state.row >= state.geometry.height {
+        return Done::default(); // columns alone are compared with the limits
+    }
     let mut vectors = Vectors::new(state);
     let mut event = pack(state.time, 0, state.row, Polarity::Off);
     let mut events = 0;
     let mut rest = words;
     while let Some(spare) = out.get_mut(events..) {
-        let scalars = scalars(rest, &limits, &mut event, spare);
-        events += scalars.events;
-        let (Some(left), Some(spare)) = (rest.get(scalars.words..), out.get_mut(events..)) else { break };
+        let taken = scalars(rest, &mut event, &mut vectors, spare);
+        events += taken.events;
+        let (Some(left), Some(spare)) = (rest.get(taken.words..), out.get_mut(events..)) else { break };
         rest = left;
         if let Some((n, left)) = vectors.take_whole(rest, event, spare) {
             events += n;
@@ -150,7 +157,12 @@ fn stretch(state: &mut Steady, words: &[[u8; 2]], out: &mut [Event]) -> Done {
 
 /// Takes words up to the first that a branch is for, or as many as `out` has room for.
 #[inline(always)]
-fn scalars(words: &[[u8; 2]], limits: &[u64; CLASSES], event: &mut u64, out: &mut [Event]) -> Done {
+pub(super) fn scalars(
+    words: &[[u8; 2]],
+    limits: &[u64; CLASSES],
+    event: &mut u64,
+    out: &mut [Event],
+) -> Done {
     let words = words.get(..out.len()).unwrap_or(words);
     let mut next = *event;
     let mut done = Done::default();
@@ -178,7 +190,7 @@ fn scalars(words: &[[u8; 2]], limits: &[u64; CLASSES], event: &mut u64, out: &mu
 }
 
 /// The base of the vectors, packed as an event's column and polarity.
-struct Vectors {
+pub(super) struct Vectors {
     base: Option<u64>,
     width: u16,
 }
@@ -199,7 +211,7 @@ impl Vectors {
     /// words after it. `None`, and nothing is done, when there are others, or no room, or not all columns are on the
     /// sensor.
     #[inline(always)]
-    fn take_whole<'w>(
+    pub fn take_whole<'w>(
         &mut self,
         words: &'w [[u8; 2]],
         event: u64,
