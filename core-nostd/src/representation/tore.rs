@@ -10,6 +10,9 @@ use crate::representation::{BadRepresentation, Build, Overlap, Parameters, check
 use crate::vector::{in_order, widest};
 use crate::{Event, Geometry, Representation, Shape, Span, Window, WrongGeometry};
 
+/// The greatest depth.
+const DEPTH_MAX: usize = 16;
+
 /// Time-ordered recent events (TORE): 2 depth x H x W of f32, the newest first, all of ON and then all of OFF.
 ///
 /// Plane `k` holds `max(0, ln(min(age, age_max) + 1) - ln(age_min + 1))` of the pixel's last event but `k`, the ages in
@@ -44,7 +47,7 @@ pub struct Tore<S> {
 
 impl<S: AsRef<[u32]> + AsMut<[u32]>> Tore<S> {
     /// The greatest depth.
-    pub const DEPTH_MAX: u16 = 16;
+    pub const DEPTH_MAX: u16 = DEPTH_MAX as u16;
 
     /// Elements of the state.
     pub const fn state_len(geometry: Geometry, depth: u16) -> usize {
@@ -123,27 +126,59 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for Tore<S> {
 /// Pixels whose queues are read at once.
 const RUN: usize = 64;
 
+/// The depth that most take, which the compiler knows how to read and to shift.
+const USUAL: usize = 4;
+
 /// The scaled logarithms of the ages in queues, to as many planes as a queue is long. A run of pixels is written to all
 /// planes before the next is read, so that the queues pass through the caches once.
 #[inline(always)]
 fn scale(now: u32, queues: &[u32], depth: usize, age_max: f32, ln_min: f32, planes: &mut [f32]) {
-    let depth = depth.max(1);
+    let never = scaled(AGE_US_MAX, age_max, ln_min);
+    let depth = depth.clamp(1, DEPTH_MAX);
     let pixels = queues.len() / depth;
+    // All of a run, whose length the compiler knows: with vectors.
+    let (mut ages, mut values) = ([[AGE_US_MAX; RUN]; DEPTH_MAX], [0.0f32; RUN]);
     for (start, queues) in (0..pixels).step_by(RUN).zip(queues.chunks(RUN * depth)) {
-        for k in 0..depth {
-            // All of a run, whose length the compiler knows: with vectors.
-            let (mut ages, mut values) = ([0; RUN], [0.0f32; RUN]);
-            for (age, time) in ages.iter_mut().zip(queues.iter().skip(k).step_by(depth)) {
-                *age = now.wrapping_sub(*time);
-            }
-            for (value, age) in values.iter_mut().zip(ages) {
-                let age = (age.min(AGE_US_MAX) as i32 as f32).min(age_max);
-                *value = (ln(age + 1.0) - ln_min).max(0.0);
+        spread(now, queues, depth, &mut ages);
+        for (k, ages) in ages.iter().take(depth).enumerate() {
+            // Most pixels have had no event for long, and its logarithm is known.
+            if ages.iter().fold(u32::MAX, |least, age| least.min(*age)) as f32 >= age_max {
+                values = [never; RUN];
+            } else {
+                for (value, age) in values.iter_mut().zip(ages) {
+                    *value = scaled(*age, age_max, ln_min);
+                }
             }
             let plane = planes.get_mut(k * pixels + start..).unwrap_or_default();
             for (pixel, value) in plane.iter_mut().take(queues.len() / depth).zip(values) {
                 *pixel = value;
             }
+        }
+    }
+}
+
+/// The scaled logarithm of an age in µs.
+#[inline(always)]
+fn scaled(age: u32, age_max: f32, ln_min: f32) -> f32 {
+    let age = (age.min(AGE_US_MAX) as i32 as f32).min(age_max);
+    (ln(age + 1.0) - ln_min).max(0.0)
+}
+
+/// The ages in queues, the newest of all pixels first.
+#[inline(always)]
+fn spread(now: u32, queues: &[u32], depth: usize, ages: &mut [[u32; RUN]; DEPTH_MAX]) {
+    if let (Some(queues), [first, second, third, fourth, ..]) =
+        (queues.as_chunks::<USUAL>().0.first_chunk::<RUN>().filter(|_| depth == USUAL), &mut *ages)
+    {
+        for (i, queue) in queues.iter().enumerate() {
+            let [a, b, c, d] = queue.map(|time| now.wrapping_sub(time));
+            (first[i], second[i], third[i], fourth[i]) = (a, b, c, d);
+        }
+        return;
+    }
+    for (k, ages) in ages.iter_mut().take(depth).enumerate() {
+        for (age, time) in ages.iter_mut().zip(queues.iter().skip(k).step_by(depth)) {
+            *age = now.wrapping_sub(*time);
         }
     }
 }
@@ -168,8 +203,13 @@ impl Draw for Queueing {
 
     #[inline(always)]
     fn draw(&mut self, map: &mut [u32], at: usize, stamp: u32) {
-        let mut moved = stamp;
         let queue = map.get_mut(at..).unwrap_or_default();
+        if let Some(queue) = queue.first_chunk_mut::<USUAL>().filter(|_| self.depth as usize == USUAL) {
+            let [a, b, c, _] = *queue;
+            *queue = [stamp, a, b, c];
+            return;
+        }
+        let mut moved = stamp;
         for time in queue.iter_mut().take(self.depth as usize) {
             core::mem::swap(time, &mut moved);
         }
