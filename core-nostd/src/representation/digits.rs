@@ -3,6 +3,8 @@
 //! Few pixels have more than 255 events in a window, so that nearly all the work is in one plane of bytes, a quarter of
 //! what 32-bit counts take; and with few different counts there are, a table does for any function of them.
 
+mod lines;
+
 use core::ops::Range;
 
 use crate::representation::index::{Places, change_each};
@@ -148,29 +150,8 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
 
     /// Writes a function of each count from that of number `from` on.
     pub(super) fn map<T: Copy>(&self, from: usize, out: &mut [T], function: impl Fn(u32) -> T) {
-        self.look_up(from, out, &table(&function));
+        lines::look_up(self.lowest().get(from..).unwrap_or_default(), out, &table(&function));
         self.map_large(from, out, function);
-    }
-
-    /// The same by a table, of counts of one digit.
-    fn look_up<T: Copy>(&self, from: usize, out: &mut [T], table: &[T; 256]) {
-        let lowest = self.lowest().get(from..).unwrap_or_default();
-        let (words, rest) = lowest.as_chunks::<8>();
-        let (eights, last) = out.as_chunks_mut::<8>();
-        let done = words.len().min(eights.len());
-        for (out, word) in eights.iter_mut().zip(words) {
-            // Most pixels have no event: eight at once are told by one comparison.
-            if u64::from_ne_bytes(*word) == 0 {
-                *out = [table[0]; 8];
-            } else {
-                *out = word.map(|digit| table[usize::from(digit)]);
-            }
-        }
-        let after = eights.get_mut(done..).unwrap_or_default().as_flattened_mut().iter_mut().chain(last);
-        let digits = words.get(done..).unwrap_or_default().as_flattened().iter().chain(rest);
-        for (out, digit) in after.zip(digits) {
-            *out = table[usize::from(*digit)];
-        }
     }
 
     /// The same for counts of more than one digit.
@@ -193,9 +174,9 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
         let (pixels, table) = (self.geometry.pixels(), table(&function));
         let (ons, offs) = self.lowest().split_at_checked(pixels).unwrap_or_default();
         for from in (0..pixels).step_by(RUN) {
-            self.look_up(from, run(on, from), &table);
-            self.look_up(pixels + from, run(off, from), &table);
             let [ons, offs] = [ons, offs].map(|counts| counts.get(from..).unwrap_or_default());
+            lines::look_up_bytes(ons, run(on, from), &table);
+            lines::look_up_bytes(offs, run(off, from), &table);
             let any = run(any, from);
             in_order(
                 #[inline(always)]
@@ -258,7 +239,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
     /// default is; 1 where there is none.
     pub(super) fn percentile(&self, cells: Range<usize>, percent: u8) -> f64 {
         let lowest = self.lowest().get(cells.clone()).unwrap_or_default();
-        let (mut histogram, mut small) = (Histogram::of(lowest), cells.len() as u64);
+        let (mut histogram, mut small) = (Histogram(lines::histogram(lowest)), cells.len() as u64);
         for at in self.large().filter(|at| cells.contains(at)) {
             histogram.remove(self.count(at) as u8);
             small -= 1;
@@ -298,28 +279,6 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
 struct Histogram([u32; 256]);
 
 impl Histogram {
-    /// Most bytes are 0: eight at once are skipped. Of the others most are 1, and to count two of a kind at one place is
-    /// to wait for the first: hence four of them.
-    fn of(digits: &[u8]) -> Self {
-        let mut parts = [const { Self([0; 256]) }; 4];
-        let (words, rest) = digits.as_chunks::<8>();
-        let mut all = Self([0; 256]);
-        for word in words {
-            if u64::from_ne_bytes(*word) == 0 {
-                all.0[0] += 8;
-                continue;
-            }
-            for four in word.as_chunks::<4>().0 {
-                parts.iter_mut().zip(four).for_each(|(part, digit)| part.add(*digit));
-            }
-        }
-        rest.iter().for_each(|digit| all.add(*digit));
-        for part in &parts {
-            all.0.iter_mut().zip(part.0).for_each(|(sum, more)| *sum += more);
-        }
-        all
-    }
-
     fn add(&mut self, digit: u8) {
         let entry = &mut self.0[usize::from(digit)];
         *entry = entry.wrapping_add(1);
