@@ -67,6 +67,9 @@ mod ros;
 #[cfg(feature = "ros")]
 mod rosbag;
 mod stream;
+#[cfg(test)]
+#[cfg(feature = "tables")]
+mod testing;
 #[cfg(feature = "tables")]
 mod text;
 mod wrap;

@@ -277,36 +277,9 @@ impl ByteDecoder for Decoder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ErrorKind, Recording, TimeUnit, open_with};
+    use crate::testing::{file, options, said};
+    use crate::{ErrorKind, TimeUnit};
     use std::path::Path;
-
-    fn file(text: &[u8], options: &OpenOptions) -> Result<Recording, Error> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.txt");
-        std::fs::write(&path, text).unwrap();
-        open_with(&path, options)
-    }
-
-    /// Size, then every event as `t x y p`, then the number of damaged lines.
-    fn said(recording: &Recording) -> String {
-        let mut blocks = recording.blocks();
-        let mut said = recording.geometry().map_or("?".into(), |size| size.to_string());
-        while let Some(chunk) = blocks.next_block().unwrap() {
-            let span = chunk.span();
-            for event in span.events {
-                let (t, x, y, p) = (span.time(*event), event.x(), event.y(), u8::from(event.is_on()));
-                said += &format!(", {t} {x} {y} {p}");
-            }
-        }
-        match blocks.counters().faults.total() {
-            0 => said,
-            faults => format!("{said}, {faults} faults"),
-        }
-    }
-
-    fn options(unit: &str, columns: &str) -> OpenOptions {
-        OpenOptions { time_unit: unit.parse().ok(), columns: columns.parse().ok(), ..OpenOptions::default() }
-    }
 
     /// Without options.
     #[track_caller]

@@ -1,39 +1,12 @@
 use super::*;
-use crate::{Recording, TimeUnit, open_with};
+use crate::testing::{file, options, said};
+use crate::{TimeUnit, open_with};
 
 /// An array file as NumPy writes it.
 fn npy(descr: &str, order: &str, shape: &str, data: &[u8]) -> Vec<u8> {
     let text = format!("{{'descr': {descr}, 'fortran_order': {order}, 'shape': {shape}, }}\n");
     let len = (text.len() as u16).to_le_bytes();
     [header::MAGIC, &[1, 0], &len, text.as_bytes(), data].concat()
-}
-
-fn file(bytes: &[u8], options: &OpenOptions) -> Result<Recording, Error> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a");
-    std::fs::write(&path, bytes).unwrap();
-    open_with(&path, options)
-}
-
-/// Size, then every event as `t x y p`, then the number of faults.
-fn said(recording: &Recording) -> String {
-    let mut blocks = recording.blocks();
-    let mut said = recording.geometry().map_or("?".into(), |size| size.to_string());
-    while let Some(chunk) = blocks.next_block().unwrap() {
-        let span = chunk.span();
-        for event in span.events {
-            let (t, x, y, p) = (span.time(*event), event.x(), event.y(), u8::from(event.is_on()));
-            said += &format!(", {t} {x} {y} {p}");
-        }
-    }
-    match blocks.counters().faults.total() {
-        0 => said,
-        faults => format!("{said}, {faults} faults"),
-    }
-}
-
-fn options(unit: &str, columns: &str) -> OpenOptions {
-    OpenOptions { time_unit: unit.parse().ok(), columns: columns.parse().ok(), ..OpenOptions::default() }
 }
 
 #[track_caller]
