@@ -14,7 +14,7 @@ pub(super) fn close_gaps(words: &[u64; TILE], places: &[u64; TILE], out: &mut [E
         // SAFETY: the CPU has all that it is compiled for.
         return unsafe { x86::by_eights(words, places, out) };
     }
-    if has!("avx2") {
+    if has!("avx2") && has!("popcnt") {
         // SAFETY: the CPU has all that it is compiled for.
         return unsafe { x86::by_fours(words, places, out) };
     }
@@ -136,7 +136,7 @@ mod tests {
         check(one_by_one);
         check(close_gaps);
         #[cfg(all(target_arch = "x86_64", feature = "std"))]
-        if std::arch::is_x86_feature_detected!("avx2") {
+        if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("popcnt") {
             // SAFETY: the CPU has all that it is compiled for.
             check(|words, places, out| unsafe { x86::by_fours(words, places, out) });
         }

@@ -4,7 +4,6 @@
 //! noise and signal alike; where a rate is to be bounded, see [`RateLimit`](super::RateLimit).
 
 use super::{FilterError, in_range};
-use crate::compact::compact_all;
 use crate::{Block, Event, Filter, Geometry, WrongGeometry};
 
 /// Parameters of [`Decimate`].
@@ -52,7 +51,16 @@ impl Filter for Decimate {
 
     fn retain(&mut self, block: &mut Block<'_>) -> Result<usize, WrongGeometry> {
         self.geometry.check(block.geometry)?;
-        let kept = compact_all(block.events_mut(), |event| self.keep(event));
+        let (len, mut kept) = (block.len(), 0);
+        let events = block.events_mut();
+        for at in (self.left as usize..len).step_by(self.n.max(1) as usize) {
+            if let (Some(event), Some(slot)) = (events.get(at).copied(), events.get_mut(kept)) {
+                *slot = event;
+            }
+            kept += 1;
+        }
+        let next = u64::from(self.left) + u64::from(self.n) * kept as u64;
+        self.left = next.saturating_sub(len as u64) as u32;
         block.truncate(kept);
         Ok(kept)
     }
