@@ -167,6 +167,83 @@ def dv_filtered(make):
     return run
 
 
+def dv_call(name, *args):
+    def run(events):
+        import dv_processing as dv
+
+        return getattr(dv, name)(events.dv, *args)
+
+    return run
+
+
+@functools.cache
+def four_of_five_pixels():
+    """Those of `mask` in `report`."""
+    import numpy as np
+
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    return ((x * 7 + y * 3) % 5 != 0).astype("u1")
+
+
+def dv_inside(events):
+    return dv_call("maskFilter", four_of_five_pixels())(events)
+
+
+@functools.cache
+def dv_camera():
+    """That of `undistort` in `report`."""
+    import dv_processing as dv
+
+    lens = [-0.3, 0.1, 0.0003, 0.0002, 0.0]
+    return dv.camera.CameraGeometry(lens, 1000, 1000, 640, 360, SIZE, dv.camera.DistortionModel.RADIAL_TANGENTIAL)
+
+
+def dv_undistorted(events):
+    return dv_camera().undistortEvents(events.dv)
+
+
+def dv_picture(events):
+    import dv_processing as dv
+
+    return dv.visualization.EventVisualizer(SIZE).generateImage(events.dv)
+
+
+def middle_half(events):
+    t = events.columns[2]
+    quarter = int(t.max() - t.min()) // 4
+    return int(t.min()) + quarter, int(t.max()) - quarter
+
+
+def tonic_window(events):
+    import tonic.transforms
+
+    return tonic.transforms.CropTime(*middle_half(events))(events.tonic)
+
+
+def evlib_window(events):
+    import evlib
+
+    return evlib.filtering.filter_by_time(events.evlib, *(t / 1e6 for t in middle_half(events))).collect()
+
+
+def numpy_sorted(events):
+    return events.evutils[events.evutils["t"].argsort(kind="stable")]
+
+
+@functools.cache
+def halves(events):
+    """ON and OFF events."""
+    on = events.evutils["p"] == 1
+    return events.evutils[on], events.evutils[~on]
+
+
+def numpy_merged(events):
+    import numpy as np
+
+    both = np.concatenate(halves(events))
+    return both[both["t"].argsort(kind="stable")]
+
+
 def dv_background_activity():
     from datetime import timedelta
 
@@ -232,6 +309,8 @@ PEERS = {
     "averaged_time_surface": {"eventcv": eventcv("atsurf", tau_ms=30)},
     "sits": {"dv (1 plane)": dv_sits},
     "tore": {"evutils (u8)": evutils("tore", n_events=4)},
+    "event_image": {"eventcv": eventcv("raw_image"), "dv (no fading)": dv_picture,
+                    "evutils (no fading)": evutils("frame_rgb")},
     "stacked_histogram": {"evlib": evlib("create_stacked_histogram", HEIGHT, WIDTH, bins=5)},
     "mixed_density_stack": {"evlib": evlib("create_mixed_density_stack", HEIGHT, WIDTH)},
     "refractory": {"eventcv": eventcv("refractory_filter", 1000), "evutils": evutils("refractory_period", 1000),
@@ -242,13 +321,34 @@ PEERS = {
                             "tonic": tonic("Denoise", filter_time=1000)},
     "hot_pixel": {"eventcv": eventcv("hot_pixel_filter", 3.0),
                   "evlib (percentile)": evlib("filter_hot_pixels", threshold_percentile=99.9)},
+    "keep_polarity": {"dv": dv_call("polarityFilter", True), "eventcv": eventcv("filter_polarity", True),
+                      "evlib": evlib("filter_by_polarity", 1)},
+    "region_of_interest": {"dv": dv_call("roiFilter", (160, 120, 960, 480)),
+                           "evlib": evlib("filter_by_roi", 160, 1119, 120, 599)},
+    "mask": {"dv": dv_inside},
+    "decimate": {"eventcv": eventcv("decimate", 4), "tonic (of each pixel)": tonic("Decimation", 4)},
     "flip_x": {"eventcv": eventcv("flip_x"), "evutils": evutils("flip_lr", SENSOR),
                "tonic": tonic("RandomFlipLR", sensor_size=SENSOR, p=1.0)},
-    "event_drop": {"eventcv": eventcv("event_drop", 0.1, seed=1), "evutils": evutils("drop_random_events", 0.1, **SEEDED),
-                   "tonic": tonic("DropEvent", p=0.1)},
+    "flip_y": {"eventcv": eventcv("flip_y"), "tonic": tonic("RandomFlipUD", sensor_size=SENSOR, p=1.0)},
+    "crop": {"eventcv": eventcv("crop", 160, 120, 960, 480), "tonic": tonic("CenterCrop", SENSOR, (960, 480))},
+    "scale": {"dv": dv_call("scale", 2.0, 2.0), "eventcv": eventcv("scale", 0.5, 0.5),
+              "tonic": tonic("Downsample", spatial_factor=0.5)},
+    "undistort": {"dv": dv_undistorted},
+    "invert_polarity": {"eventcv": eventcv("invert_polarity"), "tonic": tonic("RandomFlipPolarity", p=1.0)},
+    "time_scale": {"eventcv": eventcv("time_scale", 2.5), "evutils": evutils("time_skew", 2.5),
+                   "tonic": tonic("TimeSkew", 2.5)},
+    "time_window": {"evlib": evlib_window, "tonic": tonic_window},
+    "normalize_time": {"eventcv": eventcv("normalize_time"), "evutils": evutils("normalize_ts")},
+    "event_drop": {"eventcv": eventcv("event_drop", 0.5, seed=1), "evutils": evutils("drop_random_events", 0.5, **SEEDED),
+                   "tonic": tonic("DropEvent", p=0.5)},
+    "pixel_dropout": {"eventcv": eventcv("pixel_dropout", 0.1, seed=1)},
+    "drop_by_area": {"tonic": tonic("DropEventByArea", SENSOR, 0.5)},
     "spatial_jitter": {"eventcv": eventcv("spatial_jitter", 1.0, seed=1),
                        "evutils": evutils("spatial_jitter", SENSOR), "tonic": tonic("SpatialJitter", sensor_size=SENSOR)},
     "time_jitter": {"evutils": evutils("time_jitter"), "tonic": tonic("TimeJitter", std=1)},
+    "random_crop": {"eventcv": eventcv("random_crop", 640, 360, seed=1), "tonic": tonic("RandomCrop", SENSOR, (640, 360))},
+    "sort_by_time": {"numpy": numpy_sorted, "eventcv": eventcv("sort_by_time")},
+    "merge": {"numpy": numpy_merged},
 }
 
 
@@ -279,7 +379,8 @@ def measure(interpreter, operation, peer, count):
 
 def ours(*options):
     """Lines of `report`, the quickest kernel of each operation in protocol `stream`, as milliseconds for EVENTS."""
-    command = ["cargo", "run", "--quiet", "--release", "-p", "lobula-benches", "--bin", "report", "--", "--json", *options]
+    report = ["cargo", "run", "--quiet", "--release", "-p", "lobula-benches", "--bin", "report", "--"]
+    command = [*report, "--json", "--events", str(EVENTS), *options]
     lines = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT).stdout.splitlines()
     best = {}
     for line in map(json.loads, lines):

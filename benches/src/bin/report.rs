@@ -1,5 +1,5 @@
-//! `report [--json] [--only OP]... [--rounds N] [--tensor-events N]`: each operation, or those named, and the same one of
-//! a peer, in turn on one core.
+//! `report [--json] [--only OP]... [--rounds N] [--events N] [--tensor-events N]`: each operation, or those named, and the
+//! same one of a peer, in turn on one core.
 //!
 //! With feature `peers` beside eventcv-core 1.0.11, else alone. Figures are medians of CPU time; a side that gives a
 //! wrong answer ends the report with exit code 1.
@@ -11,23 +11,26 @@ use lobula_benches::input::{EVENTS, Scene, TENSOR_EVENTS};
 use lobula_benches::op::Op;
 use lobula_benches::{clock, instructions, peers};
 
-const USAGE: &str = "usage: report [--json] [--only OP]... [--rounds N] [--tensor-events N]";
+const USAGE: &str = "usage: report [--json] [--only OP]... [--rounds N] [--events N] [--tensor-events N]";
 
 struct Options {
     json: bool,
     only: Vec<Op>,
     rounds: usize,
+    events: usize,
     tensor_events: usize,
 }
 
 impl Options {
     fn parse(mut args: impl Iterator<Item = String>) -> Result<Self, String> {
-        let mut options = Self { json: false, only: Vec::new(), rounds: 5, tensor_events: TENSOR_EVENTS };
+        let mut options =
+            Self { json: false, only: Vec::new(), rounds: 5, events: EVENTS, tensor_events: TENSOR_EVENTS };
         while let Some(arg) = args.next() {
             match arg.as_str() {
                 "--json" => options.json = true,
                 "--only" => options.only.push(op(&args.next().ok_or(USAGE)?)?),
                 "--rounds" => options.rounds = number(&args.next().ok_or(USAGE)?)?,
+                "--events" => options.events = number(&args.next().ok_or(USAGE)?)?,
                 "--tensor-events" => options.tensor_events = number(&args.next().ok_or(USAGE)?)?,
                 _ => return Err(format!("{arg} is no option; {USAGE}")),
             }
@@ -71,7 +74,8 @@ fn done(result: Result<(), String>) -> ExitCode {
 
 fn report(options: &Options) -> Result<(), String> {
     let core = clock::pin_to_one_core().map_err(|e| e.to_string())?;
-    let scene = Scene::load(EVENTS.max(options.tensor_events))?.with_tensor_events(options.tensor_events);
+    let scene =
+        Scene::load(options.events.max(options.tensor_events))?.with_tensor_events(options.tensor_events);
     let peer = peers::load(&scene)?;
     eprintln!("{}, pinned to core {core}; {}", clock::machine(), scene.source);
     if !options.json {
