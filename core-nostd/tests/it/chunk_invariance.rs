@@ -191,16 +191,19 @@ impl OnSensor for lobula_core::Block<'_> {
 pub fn encode(mut encoder: impl Encode, events: &[Timed], splits: &mut Splits) -> (Vec<u8>, Vec<Refused>) {
     let (mut bytes, mut refused) = (vec![], vec![]);
     let mut out = [0; 1000];
-    let mut at = 0;
+    let memory = streams::block_events(events);
+    // A silence of hours is many words, each a call with room for one: what fits a block is looked up once an event.
+    let (mut at, mut fitting) = (0, (usize::MAX, 0));
     while at < events.len() {
-        let rest = &events[at..];
-        let piece = &rest[..splits.next(streams::block_len(rest))];
-        let memory = streams::block_events(piece);
+        if fitting.0 != at {
+            fitting = (at, streams::block_len(&events[at..]));
+        }
+        let piece = at..at + splits.next(fitting.1);
         let span = Span {
-            t_first: piece[0].t,
-            t_last: piece[piece.len() - 1].t,
+            t_first: events[at].t,
+            t_last: events[piece.end - 1].t,
             geometry: GEOMETRY,
-            events: &memory,
+            events: &memory[piece],
         };
         let out = &mut out[..splits.next(1000)];
         let done = encoder.encode(span, out);
