@@ -226,10 +226,6 @@ def evlib_window(events):
     return evlib.filtering.filter_by_time(events.evlib, *(t / 1e6 for t in middle_half(events))).collect()
 
 
-def numpy_sorted(events):
-    return events.evutils[events.evutils["t"].argsort(kind="stable")]
-
-
 @functools.cache
 def halves(events):
     """ON and OFF events."""
@@ -347,7 +343,6 @@ PEERS = {
                        "evutils": evutils("spatial_jitter", SENSOR), "tonic": tonic("SpatialJitter", sensor_size=SENSOR)},
     "time_jitter": {"evutils": evutils("time_jitter"), "tonic": tonic("TimeJitter", std=1)},
     "random_crop": {"eventcv": eventcv("random_crop", 640, 360, seed=1), "tonic": tonic("RandomCrop", SENSOR, (640, 360))},
-    "sort_by_time": {"numpy": numpy_sorted, "eventcv": eventcv("sort_by_time")},
     "merge": {"numpy": numpy_merged},
 }
 
