@@ -57,10 +57,11 @@ impl<S: AsRef<[u32]>> PixelMask<S> {
             move |words, places, _| {
                 // Indices and verdicts in vectors; only bits are looked up one by one.
                 for (place, word) in places.iter_mut().zip(words) {
-                    *place = mask.index(Event::from_word(*word));
+                    let event = Event::from_word(*word);
+                    *place = mask.geometry.index(event.x(), event.y()) as u64;
                 }
                 for place in &mut *places {
-                    *place = mask.bit(*place);
+                    *place = mask.bit(*place as usize).into();
                 }
                 for place in places {
                     *place ^= outside;
@@ -69,22 +70,16 @@ impl<S: AsRef<[u32]>> PixelMask<S> {
         )
     }
 
-    #[inline(always)]
-    fn index(&self, event: Event) -> u64 {
-        u64::from(event.y()) * u64::from(self.geometry.width) + u64::from(event.x())
-    }
-
     /// 1 where the mask has this pixel or ends before it.
     #[inline(always)]
-    fn bit(&self, i: u64) -> u64 {
-        let word = self.words.as_ref().get(i as usize / 32).copied().unwrap_or(!0);
-        u64::from(word >> (i % 32) & 1)
+    fn bit(&self, i: usize) -> u32 {
+        self.words.as_ref().get(i / 32).copied().unwrap_or(!0) >> (i % 32) & 1
     }
 
     /// Whether the event's pixel, which is on the sensor, is not in the set.
     #[inline(always)]
     pub(crate) fn spares(&self, event: Event) -> bool {
-        self.bit(self.index(event)) == 0
+        self.bit(self.geometry.index(event.x(), event.y())) == 0
     }
 
     /// The pixels in the set as (x, y), row by row.
