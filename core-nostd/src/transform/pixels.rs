@@ -2,7 +2,7 @@
 //!
 //! Both work on events that are one word ([`Event::word`]), which compilers vectorise well.
 
-use crate::vector::widest;
+use crate::vector::in_order;
 use crate::{Block, Event, Geometry, WrongGeometry, compact};
 
 /// Time and polarity of a word.
@@ -45,7 +45,7 @@ pub(crate) fn move_all(
 ) -> Result<usize, WrongGeometry> {
     from.check(block.geometry)?;
     let events = block.events_mut();
-    widest(
+    in_order(
         #[inline(always)]
         move || {
             for event in events {

@@ -3,6 +3,7 @@
 //! Rule: column x of W becomes floor(x w / W) of w, rows alike; no event is lost, and several pixels may share one. With
 //! w = q W + r it is q x + floor(x r / W), and floor(x r / W) is (x m) >> 32 with m = ceil(2^32 r / W): m exceeds the true
 //! ratio by less than 1, so that the product exceeds by less than x < 2^32 / W, too little to reach the next whole number.
+//! Where W = w 2^k, it is a shift by k.
 
 use super::pixels::{X_MAX, Y_MAX, at, move_all, x_of, y_of};
 use super::{TransformError, sensor};
@@ -62,6 +63,15 @@ impl Transform for Resize {
 
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
         let (rx, ry) = (self.x, self.y);
+        if let (Some(dx), Some(dy)) = (rx.halvings(), ry.halvings()) {
+            return Ok(move_all(
+                block,
+                self.geometry,
+                self.output,
+                #[inline(always)]
+                move |word| at(word, x_of(word) >> dx, y_of(word) >> dy),
+            )?);
+        }
         Ok(move_all(
             block,
             self.geometry,
@@ -130,6 +140,15 @@ impl Ratio {
         Self { whole: to / from, part: part as u32 }
     }
 
+    /// How often the old length was halved, if that is all: division is then by a shift, several times as fast.
+    fn halvings(self) -> Option<u32> {
+        match (self.whole, self.part) {
+            (1, 0) => Some(0),
+            (0, part) if part.is_power_of_two() => Some(32 - part.trailing_zeros()),
+            _ => None,
+        }
+    }
+
     /// At most `max`, which is off the sensor, for what was off it.
     #[inline(always)]
     fn of(self, place: u64, max: u64) -> u64 {
@@ -155,9 +174,21 @@ mod tests {
                         place * u64::from(to) / u64::from(from),
                         "{place} of {from}"
                     );
+                    if let Some(halvings) = ratio.halvings() {
+                        assert_eq!(place >> halvings, ratio.of(place, X_MAX), "{place} of {from}");
+                    }
                 }
                 assert!(ratio.of(from.into(), X_MAX) >= to.into(), "off stays off");
             }
+        }
+    }
+
+    #[test]
+    fn halvings_are_told_from_other_ratios() {
+        let halvings = |from, to| Ratio::new(from, to).halvings();
+        assert_eq!([halvings(1280, 640), halvings(720, 720), halvings(48, 3)], [Some(1), Some(0), Some(4)]);
+        for (from, to) in [(1280, 641), (3, 1), (640, 1280), (641, 320), (48, 9)] {
+            assert_eq!(halvings(from, to), None, "{to} of {from}");
         }
     }
 }
