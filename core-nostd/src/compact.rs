@@ -7,9 +7,8 @@
 mod gaps;
 
 use crate::Event;
-use crate::vector::widest;
 use core::cell::Cell;
-use gaps::close_gaps;
+pub(crate) use gaps::select_tiles;
 
 /// Events of a tile.
 const TILE: usize = 64;
@@ -69,40 +68,35 @@ pub(crate) fn select(events: &mut [Event], moved: impl Fn(u64, usize) -> (u64, b
     )
 }
 
-/// The same, where `judge` changes a tile of words and says 1 of those that have a place and 0 of the others. What follows
-/// the last event in its tile is anything.
+/// Judges tile after tile. `close_gaps` writes the words whose place is 1 and not 0, in order, to the start of a tile of
+/// events, and anything behind them; it returns how many.
 #[inline(always)]
-pub(crate) fn select_tiles(
+fn each_tile(
     events: &mut [Event],
     judge: impl Fn(&mut [u64; TILE], &mut [u64; TILE], usize),
+    close_gaps: impl Fn(&[u64; TILE], &[u64; TILE], &mut [Event; TILE]) -> usize,
 ) -> usize {
-    widest(
-        #[inline(always)]
-        move || {
-            let (mut words, mut places, mut spare) = ([0; TILE], [0; TILE], [Event::default(); TILE]);
-            let mut kept = 0;
-            for from in (0..events.len()).step_by(TILE) {
-                let rest = events.get(from..).unwrap_or_default();
-                let n = rest.len().min(TILE);
-                match rest.first_chunk::<TILE>() {
-                    Some(tile) => words = tile.map(Event::word),
-                    None => words.iter_mut().zip(rest).for_each(|(word, event)| *word = event.word()),
-                }
-                judge(&mut words, &mut places, from);
-                places.iter_mut().skip(n).for_each(|place| *place = 0);
-                let out = events.get_mut(kept..).unwrap_or_default();
-                kept += match out.first_chunk_mut::<TILE>() {
-                    Some(out) => close_gaps(&words, &places, out),
-                    None => {
-                        let left = close_gaps(&words, &places, &mut spare);
-                        out.iter_mut().zip(&spare).take(left).for_each(|(slot, event)| *slot = *event);
-                        left
-                    }
-                };
-            }
-            kept
-        },
-    )
+    let (mut from, mut kept) = (0, 0);
+    while let Some(tile) = events.get(from..).and_then(|rest| rest.first_chunk::<TILE>()) {
+        let (mut words, mut places) = (tile.map(Event::word), [0; TILE]);
+        judge(&mut words, &mut places, from);
+        // What is kept is written over what was read before.
+        let out = events.get_mut(kept..).and_then(|events| events.first_chunk_mut::<TILE>());
+        kept += out.map_or(0, |out| close_gaps(&words, &places, out));
+        from += TILE;
+    }
+    let rest = events.get(from..).unwrap_or_default();
+    if rest.is_empty() {
+        return kept;
+    }
+    let (mut words, mut places, mut tile) = ([0; TILE], [0; TILE], [Event::default(); TILE]);
+    words.iter_mut().zip(rest).for_each(|(word, event)| *word = event.word());
+    judge(&mut words, &mut places, from);
+    places.iter_mut().skip(rest.len()).for_each(|place| *place = 0);
+    let left = close_gaps(&words, &places, &mut tile);
+    let out = events.get_mut(kept..).unwrap_or_default();
+    out.iter_mut().zip(&tile).take(left).for_each(|(slot, event)| *slot = *event);
+    kept + left
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
 //! Plain loops, compiled twice: for the target, and for the wider vectors that most x86-64 CPUs of today have. And the
-//! one thing that no loop becomes: [`outside`].
+//! two things that no loop becomes: [`outside`], and looking up in a table whose end is kept.
 //!
 //! [`widest`] has no code of its own for any CPU: the compiler vectorises the one loop there is, so both give the same
 //! bits (fused multiply-add is not switched on). Counting by polarity takes 2.1 ms per 1.22 million events with AVX2 and 3.0 without
@@ -20,16 +20,23 @@
 #[allow(unsafe_code)] // one call, of code for this CPU: see the module for what it gains
 #[inline(always)]
 pub fn widest<R>(work: impl FnOnce() -> R) -> R {
-    use std::arch::is_x86_feature_detected as has;
-    if has!("avx2") && has!("bmi1") && has!("bmi2") {
+    if has_avx2() {
         // SAFETY: the CPU has all that it is compiled for.
         return unsafe { avx2(work) };
     }
     work()
 }
 
+/// Whether the CPU has all that loops are compiled for a second time.
 #[cfg(all(target_arch = "x86_64", feature = "std"))]
-#[target_feature(enable = "avx2,bmi1,bmi2")]
+#[inline(always)]
+pub(crate) fn has_avx2() -> bool {
+    use std::arch::is_x86_feature_detected as has;
+    has!("avx2") && has!("bmi1") && has!("bmi2") && has!("popcnt")
+}
+
+#[cfg(all(target_arch = "x86_64", feature = "std"))]
+#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
 fn avx2<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
@@ -56,16 +63,28 @@ pub fn widest<R>(work: impl FnOnce() -> R) -> R {
 #[allow(unsafe_code)] // one call, of code for this CPU: see the module for what it gains
 #[inline(always)]
 pub fn in_order<R>(work: impl FnOnce() -> R) -> R {
-    use std::arch::is_x86_feature_detected as has;
-    if has!("avx512f") && has!("avx512bw") && has!("avx512dq") && has!("avx512vl") && has!("avx512vbmi") {
+    if has_avx512() {
         // SAFETY: the CPU has all that it is compiled for.
         return unsafe { avx512(work) };
     }
     widest(work)
 }
 
+/// Whether the CPU has all that some loops are compiled for a third time.
 #[cfg(all(target_arch = "x86_64", feature = "std"))]
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi")]
+#[inline(always)]
+pub(crate) fn has_avx512() -> bool {
+    use std::arch::is_x86_feature_detected as has;
+    has!("avx512f")
+        && has!("avx512bw")
+        && has!("avx512dq")
+        && has!("avx512vl")
+        && has!("avx512vbmi")
+        && has!("popcnt")
+}
+
+#[cfg(all(target_arch = "x86_64", feature = "std"))]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,popcnt")]
 fn avx512<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
@@ -118,9 +137,74 @@ fn outside_each(bytes: &[u8; 32], low: u8, high: u8) -> u32 {
     bytes.iter().rev().fold(0, |bits, byte| bits << 1 | u32::from(!(low..=high).contains(byte)))
 }
 
+/// Puts in place of each number what the table has there, and `beyond` for what is beyond its end.
+#[cfg(all(target_arch = "x86_64", feature = "std"))]
+#[allow(unsafe_code)] // one call, of code for this CPU: the mask of pixels takes 0.8 of the time with it
+#[inline(always)]
+pub(crate) fn gather(table: &[u32], places: &mut [u64], beyond: u32) {
+    if std::arch::is_x86_feature_detected!("avx512f") {
+        // SAFETY: the CPU has all that it is compiled for.
+        return unsafe { gather_eights(table, places, beyond) };
+    }
+    gather_each(table, places, beyond);
+}
+
+/// Puts in place of each number what the table has there, and `beyond` for what is beyond its end.
+#[cfg(not(all(target_arch = "x86_64", feature = "std")))]
+#[inline(always)]
+pub(crate) fn gather(table: &[u32], places: &mut [u64], beyond: u32) {
+    gather_each(table, places, beyond);
+}
+
+#[inline(always)]
+fn gather_each(table: &[u32], places: &mut [u64], beyond: u32) {
+    for place in places {
+        *place = table.get(*place as usize).copied().unwrap_or(beyond).into();
+    }
+}
+
+/// One instruction looks up eight.
+#[cfg(all(target_arch = "x86_64", feature = "std"))]
+#[allow(unsafe_code)] // the one instruction, which reads by pointers
+#[target_feature(enable = "avx512f")]
+#[inline]
+fn gather_eights(table: &[u32], places: &mut [u64], beyond: u32) {
+    use core::arch::x86_64::*;
+    let (eights, rest) = places.as_chunks_mut::<8>();
+    let (none, len) = (_mm256_set1_epi32(beyond as i32), _mm512_set1_epi64(table.len() as i64));
+    for eight in eights {
+        let at: __m512i = bytemuck::cast(*eight);
+        let within = _mm512_cmplt_epu64_mask(at, len);
+        // SAFETY: only what is within the table is read.
+        let found = unsafe { _mm512_mask_i64gather_epi32::<4>(none, within, at, table.as_ptr().cast()) };
+        *eight = bytemuck::cast(_mm512_cvtepu32_epi64(found));
+    }
+    gather_each(table, rest, beyond);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_table_is_looked_up_to_its_end() {
+        let table: Vec<u32> = (0..1000).map(|i| i * 7 + (i << 31)).collect();
+        for len in [0, 1, 31, 1000] {
+            let table = &table[..len];
+            let places: [u64; 67] = core::array::from_fn(|i| match i {
+                0 => u64::MAX,
+                1 => 1 << 63,
+                2 => 1 << 32,
+                3 => len as u64,
+                _ => (i as u64 * 37) % 1100,
+            });
+            let expected = places.map(|at| table.get(at as usize).map_or(5, |found| u64::from(*found)));
+            let (mut found, mut each) = (places, places);
+            gather(table, &mut found, 5);
+            gather_each(table, &mut each, 5);
+            assert_eq!((found, each), (expected, expected));
+        }
+    }
 
     #[test]
     fn bytes_outside_of_a_range() {

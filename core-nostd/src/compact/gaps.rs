@@ -1,32 +1,32 @@
-//! A tile's gaps closed: the words that have a place, one after the other.
-#![allow(unsafe_code)] // two calls, of code for this CPU: see [`close_gaps`] for what they gain
+//! A tile's gaps closed, by what the CPU has for it: the words that have a place, one after the other.
+#![allow(unsafe_code)] // two calls, of code for this CPU: see [`select_tiles`] for what they gain
 
-use super::TILE;
+use super::{TILE, each_tile};
 use crate::Event;
 
-/// Writes the words whose place is 1 and not 0, in order, to the start of `out`, and anything behind them; returns how
-/// many.
-#[cfg(all(target_arch = "x86_64", feature = "std"))]
-#[inline(never)]
-pub(super) fn close_gaps(words: &[u64; TILE], places: &[u64; TILE], out: &mut [Event; TILE]) -> usize {
-    use std::arch::is_x86_feature_detected as has;
-    if has!("avx512f") && has!("popcnt") {
-        // SAFETY: the CPU has all that it is compiled for.
-        return unsafe { x86::by_eights(words, places, out) };
-    }
-    if has!("avx2") && has!("popcnt") {
-        // SAFETY: the CPU has all that it is compiled for.
-        return unsafe { x86::by_fours(words, places, out) };
-    }
-    one_by_one(words, places, out)
-}
-
-/// Writes the words whose place is 1 and not 0, in order, to the start of `out`, and anything behind them; returns how
-/// many.
-#[cfg(not(all(target_arch = "x86_64", feature = "std")))]
+/// As [`select`](super::select), where `judge` changes a tile of words and says 1 of those that have a place and 0 of the
+/// others. What follows the last event in its tile is anything.
+///
+/// All of it is compiled for this CPU as one piece: between judging and closing gaps, words stay in registers. Selecting by
+/// a mask of pixels takes 0.7 of the time that it takes where gaps are closed by a function of their own.
 #[inline(always)]
-pub(super) fn close_gaps(words: &[u64; TILE], places: &[u64; TILE], out: &mut [Event; TILE]) -> usize {
-    one_by_one(words, places, out)
+pub(crate) fn select_tiles(
+    events: &mut [Event],
+    judge: impl Fn(&mut [u64; TILE], &mut [u64; TILE], usize),
+) -> usize {
+    #[cfg(all(target_arch = "x86_64", feature = "std"))]
+    {
+        use crate::vector::{has_avx2, has_avx512};
+        if has_avx512() {
+            // SAFETY: the CPU has all that it is compiled for.
+            return unsafe { x86::select_by_eights(events, judge) };
+        }
+        if has_avx2() {
+            // SAFETY: the CPU has all that it is compiled for.
+            return unsafe { x86::select_by_fours(events, judge) };
+        }
+    }
+    each_tile(events, judge, one_by_one)
 }
 
 /// What every CPU can do.
@@ -52,12 +52,29 @@ fn one_by_one(words: &[u64; TILE], places: &[u64; TILE], out: &mut [Event; TILE]
 
 #[cfg(all(target_arch = "x86_64", feature = "std"))]
 mod x86 {
-    use super::{Event, TILE};
+    use super::{Event, TILE, each_tile};
     use bytemuck::cast;
     use core::arch::x86_64::*;
 
+    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,popcnt")]
+    pub(super) fn select_by_eights(
+        events: &mut [Event],
+        judge: impl Fn(&mut [u64; TILE], &mut [u64; TILE], usize),
+    ) -> usize {
+        each_tile(events, judge, |words, places, out| by_eights(words, places, out))
+    }
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
+    pub(super) fn select_by_fours(
+        events: &mut [Event],
+        judge: impl Fn(&mut [u64; TILE], &mut [u64; TILE], usize),
+    ) -> usize {
+        each_tile(events, judge, |words, places, out| by_fours(words, places, out))
+    }
+
     /// One instruction squeezes out of 8 words those without a place.
     #[target_feature(enable = "avx512f,popcnt")]
+    #[inline]
     pub(super) fn by_eights(words: &[u64; TILE], places: &[u64; TILE], out: &mut [Event; TILE]) -> usize {
         let mut n = 0;
         for (words, places) in words.as_chunks::<8>().0.iter().zip(places.as_chunks::<8>().0) {
@@ -94,6 +111,7 @@ mod x86 {
 
     /// The same of 4 words, by a table.
     #[target_feature(enable = "avx2,popcnt")]
+    #[inline]
     pub(super) fn by_fours(words: &[u64; TILE], places: &[u64; TILE], out: &mut [Event; TILE]) -> usize {
         let mut n = 0;
         for (words, places) in words.as_chunks::<4>().0.iter().zip(places.as_chunks::<4>().0) {
@@ -134,11 +152,17 @@ mod tests {
     #[test]
     fn words_with_a_place_stay_in_order() {
         check(one_by_one);
-        check(close_gaps);
         #[cfg(all(target_arch = "x86_64", feature = "std"))]
-        if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("popcnt") {
-            // SAFETY: the CPU has all that it is compiled for.
-            check(|words, places, out| unsafe { x86::by_fours(words, places, out) });
+        {
+            use crate::vector::{has_avx2, has_avx512};
+            if has_avx2() {
+                // SAFETY: the CPU has all that it is compiled for.
+                check(|words, places, out| unsafe { x86::by_fours(words, places, out) });
+            }
+            if has_avx512() {
+                // SAFETY: the CPU has all that it is compiled for.
+                check(|words, places, out| unsafe { x86::by_eights(words, places, out) });
+            }
         }
     }
 }

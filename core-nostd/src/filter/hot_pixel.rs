@@ -8,6 +8,8 @@
 //! is not enough, learn again behind the filter that applies the first mask.
 
 use super::{FilterError, MaskKeep, PixelMask, cleared};
+use crate::representation::index::{Places, change_each};
+use crate::vector::widest;
 use crate::{Block, Event, Filter, Geometry, Span, WrongGeometry};
 
 /// Drops the events of a mask's pixels.
@@ -93,12 +95,8 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> HotPixelLearner<S> {
     /// Counts the events.
     pub fn learn(&mut self, span: Span<'_>) -> Result<(), WrongGeometry> {
         self.geometry.check(span.geometry)?;
-        let counts = self.counts.as_mut();
-        for event in span.events {
-            if let Some(count) = counts.get_mut(self.geometry.index(event.x(), event.y())) {
-                *count = count.saturating_add(1);
-            }
-        }
+        let (places, counts) = (Places::by_pixel(self.geometry), self.counts.as_mut());
+        change_each(places, span.events, counts, |count, _| *count = count.saturating_add(1));
         Ok(())
     }
 
@@ -115,13 +113,11 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> HotPixelLearner<S> {
     ) -> Result<PixelMask<M>, FilterError> {
         let mut mask = PixelMask::empty(self.geometry, words)?;
         let count_max = self.count_max(sigmas)?;
-        let Geometry { width, height } = self.geometry;
-        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        for ((x, y), count) in pixels.zip(self.counts.as_ref()) {
-            if *count > count_max {
-                mask.insert(x, y);
-            }
-        }
+        let counts = self.counts();
+        widest(
+            #[inline(always)]
+            || mask.fill(counts.chunks(32).map(|counts| bits(counts, |count| count > count_max))),
+        );
         Ok(mask)
     }
 
@@ -133,13 +129,11 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> HotPixelLearner<S> {
         if !(0.0..f32::MAX).contains(&sigmas) {
             return Err(FilterError::SigmasOutOfRange);
         }
-        let counts = self.counts.as_ref().iter().take(Self::required_len(self.geometry)).copied();
-        let (mut active, mut sum, mut squares) = (0u64, 0u64, 0u128);
-        for count in counts.map(u64::from) {
-            active += (count > 0) as u64;
-            sum = sum.wrapping_add(count);
-            squares = squares.wrapping_add((count * count) as u128);
-        }
+        let counts = self.counts();
+        let (active, sum, squares) = widest(
+            #[inline(always)]
+            || sums(counts),
+        );
         let spread =
             (active as u128).wrapping_mul(squares).wrapping_sub((sum as u128).wrapping_mul(sum as u128));
         let bar = spread as f64 * (sigmas as f64 * sigmas as f64);
@@ -148,6 +142,30 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> HotPixelLearner<S> {
             above * above > bar
         };
         Ok(largest_where_not(is_hot))
+    }
+}
+
+/// How many counts are above 0, their sum and that of their squares. A sensor's pixels number less than 2^31.
+#[inline(always)]
+fn sums(counts: &[u32]) -> (u64, u64, u128) {
+    let (mut active, mut sum, mut low, mut high) = (0u64, 0u64, 0u64, 0u64);
+    for count in counts {
+        let (count, square) = (u64::from(*count), u64::from(*count).wrapping_mul(u64::from(*count)));
+        active = active.wrapping_add((count > 0) as u64);
+        sum = sum.wrapping_add(count);
+        // In halves, which vectors add.
+        low = low.wrapping_add(square & 0xFFFF_FFFF);
+        high = high.wrapping_add(square >> 32);
+    }
+    (active, sum, (u128::from(high) << 32).wrapping_add(u128::from(low)))
+}
+
+/// A bit for each of at most 32 counts.
+#[inline(always)]
+fn bits(counts: &[u32], is: impl Fn(u32) -> bool) -> u32 {
+    match counts.first_chunk::<32>() {
+        Some(counts) => counts.iter().enumerate().fold(0, |bits, (i, count)| bits | (is(*count) as u32) << i),
+        None => counts.iter().rev().fold(0, |bits, count| bits << 1 | is(*count) as u32),
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::FilterError;
 use crate::compact::select_tiles;
+use crate::vector::gather;
 use crate::{Block, Event, Filter, Geometry, WrongGeometry};
 
 /// A set of pixels of a sensor in the caller's memory: bit `i % 32` of word `i / 32` for the row-major index `i`.
@@ -49,22 +50,22 @@ impl<S: AsRef<[u32]>> PixelMask<S> {
 
     /// Keeps the events of the mask's pixels or of all others; returns how many are left at the start.
     pub(super) fn thin(&self, events: &mut [Event], keep: MaskKeep) -> usize {
-        let mask = PixelMask { geometry: self.geometry, words: self.words.as_ref() };
+        let (geometry, mask) = (self.geometry, self.words.as_ref());
         let outside = u64::from(keep == MaskKeep::Outside);
         select_tiles(
             events,
             #[inline(always)]
             move |words, places, _| {
-                // Indices and verdicts in vectors; only bits are looked up one by one.
+                let index = |word| {
+                    let event = Event::from_word(word);
+                    geometry.index(event.x(), event.y()) as u64
+                };
+                for (place, word) in places.iter_mut().zip(&*words) {
+                    *place = index(*word) / 32;
+                }
+                gather(mask, places, !0);
                 for (place, word) in places.iter_mut().zip(words) {
-                    let event = Event::from_word(*word);
-                    *place = mask.geometry.index(event.x(), event.y()) as u64;
-                }
-                for place in &mut *places {
-                    *place = mask.bit(*place as usize).into();
-                }
-                for place in places {
-                    *place ^= outside;
+                    *place = (*place >> (index(*word) % 32) ^ outside) & 1;
                 }
             },
         )
@@ -96,6 +97,12 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> PixelMask<S> {
         let mut mask = Self::try_from_words(geometry, words)?;
         mask.words.as_mut().fill(0);
         Ok(mask)
+    }
+
+    /// Takes the words of all its pixels.
+    #[inline(always)]
+    pub(super) fn fill(&mut self, words: impl Iterator<Item = u32>) {
+        self.words.as_mut().iter_mut().zip(words).for_each(|(old, word)| *old = word);
     }
 
     /// Adds a pixel; false, and nothing is done, off the sensor.

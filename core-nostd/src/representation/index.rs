@@ -24,7 +24,7 @@ const LINE: usize = 64 / size_of::<Event>();
 
 /// How the elements of a tensor are numbered.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Places {
+pub(crate) struct Places {
     width: u16,
     /// Where the plane of OFF events begins.
     off: u32,
@@ -33,7 +33,7 @@ pub(super) struct Places {
 impl Places {
     /// Row-major by pixel. 32 bits hold the index in two planes of the largest sensor.
     #[inline(always)]
-    pub(super) fn by_pixel(geometry: Geometry) -> Self {
+    pub(crate) fn by_pixel(geometry: Geometry) -> Self {
         Self { width: geometry.width, off: 0 }
     }
 
@@ -99,7 +99,7 @@ pub(super) fn draw_each<D: Draw>(events: &[Event], places: Places, out: &mut [D:
 
 /// Changes the element of each event, in order, knowing its index and nothing else.
 #[inline(always)]
-pub(super) fn change_each<P>(
+pub(crate) fn change_each<P>(
     places: Places,
     events: &[Event],
     out: &mut [P],

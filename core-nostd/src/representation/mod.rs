@@ -39,7 +39,7 @@ mod eraser;
 mod event_frame;
 mod event_image;
 mod event_spike_tensor;
-mod index;
+pub(crate) mod index;
 mod integer_time_surface;
 mod last_event;
 mod mcts;

@@ -1,8 +1,10 @@
 //! A table of where each pixel's events go: any map, once computed, at the price of one look-up.
 
 use super::TransformError;
-use super::pixels::{X_MAX, Y_MAX, select, x_of, y_of};
+use super::pixels::{X_MAX, Y_MAX, at, x_of, y_of};
 use super::real::{ends, place, real};
+use crate::compact::select_tiles;
+use crate::vector::gather;
 use crate::{Block, Geometry, Transform, Unfit};
 
 /// Entry of a pixel whose events are dropped: bit 31 is no pixel's, an entry being the upper half of an event's word.
@@ -74,18 +76,24 @@ impl<S: AsRef<[u32]>> Transform for Remap<S> {
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
         let table = self.table.as_ref().get(..self.geometry.pixels()).unwrap_or_default();
         let width = u64::from(self.geometry.width);
-        Ok(select(
-            block,
-            self.geometry,
-            self.geometry,
+        self.geometry.check(block.geometry)?;
+        let kept = select_tiles(
+            block.events_mut(),
             #[inline(always)]
-            move |word, _| {
+            move |words, places, _| {
                 // One off the sensor's width finds the entry of another pixel, if any: no decoder gives such events.
-                let index = y_of(word) * width + x_of(word);
-                let entry = table.get(index as usize).copied().unwrap_or(OFF);
-                let on = (entry & OFF == 0) & (x_of(word) < width);
-                (word & 0x8000_0000_FFFF_FFFF | u64::from(entry & (X_MAX | Y_MAX << 16) as u32) << 32, on)
+                for (place, word) in places.iter_mut().zip(&*words) {
+                    *place = y_of(*word) * width + x_of(*word);
+                }
+                gather(table, places, OFF);
+                for (place, word) in places.iter_mut().zip(words) {
+                    let on = (*place & u64::from(OFF) == 0) & (x_of(*word) < width);
+                    *word = at(*word, *place & X_MAX, *place >> 16 & Y_MAX);
+                    *place = on.into();
+                }
             },
-        )?)
+        );
+        block.truncate(kept);
+        Ok(kept)
     }
 }
