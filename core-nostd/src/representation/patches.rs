@@ -15,8 +15,8 @@ const ROW: usize = 16;
 
 /// What an event does to the pixels around its own.
 pub(super) trait Stamp: Copy {
-    /// A pixel's new value; the event's own pixel was `centre`.
-    fn around(self, value: u8, centre: u8) -> u8;
+    /// A pixel's new value where `inside` is 1, the one it has where `inside` is 0; the event's own pixel was `centre`.
+    fn around(self, value: u8, centre: u8, inside: u8) -> u8;
 
     /// The new value of the event's own pixel.
     fn own(self) -> u8;
@@ -102,17 +102,17 @@ struct Stamping<T> {
     first: usize,
     own: usize,
     rows: usize,
-    /// All bits of the pixels of a row.
-    mask: [u8; ROW],
+    /// 1 for the pixels of a row.
+    inside: [u8; ROW],
 }
 
 impl<T: Stamp> Stamping<T> {
     fn new(stamp: T, radius: u16, width: usize) -> Self {
         let (radius, most) = (usize::from(radius), usize::from(RADIUS_MAX));
         let rows = 2 * radius + 1;
-        let mask = core::array::from_fn(|i| if i < rows { u8::MAX } else { 0 });
+        let inside = core::array::from_fn(|i| (i < rows) as u8);
         let (first, own) = ((most - radius) * (width + 1), most * (width + 1));
-        Self { stamp, width, first, own, rows, mask }
+        Self { stamp, width, first, own, rows, inside }
     }
 }
 
@@ -131,12 +131,13 @@ impl<T: Stamp> Draw for Stamping<T> {
     #[inline(always)]
     fn draw(&mut self, out: &mut [u8], at: usize, (): ()) {
         let Some(centre) = out.get(at + self.own).copied() else { return };
-        let around = out.get_mut(at + self.first..).unwrap_or_default();
-        for row in around.chunks_mut(self.width).take(self.rows) {
-            let Some(row) = row.first_chunk_mut::<ROW>() else { break };
-            for (value, mask) in row.iter_mut().zip(self.mask) {
-                *value = self.stamp.around(*value, centre) & mask | *value & !mask;
+        let mut start = at + self.first;
+        for _ in 0..self.rows {
+            let Some(row) = out.get_mut(start..).and_then(|row| row.first_chunk_mut::<ROW>()) else { break };
+            for (value, inside) in row.iter_mut().zip(self.inside) {
+                *value = self.stamp.around(*value, centre, inside);
             }
+            start += self.width;
         }
         if let Some(own) = out.get_mut(at + self.own) {
             *own = self.stamp.own();

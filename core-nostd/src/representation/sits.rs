@@ -84,8 +84,8 @@ struct Ranking {
 
 impl Stamp for Ranking {
     #[inline(always)]
-    fn around(self, value: u8, centre: u8) -> u8 {
-        value.saturating_sub(u8::from(value >= centre))
+    fn around(self, value: u8, centre: u8, inside: u8) -> u8 {
+        value.saturating_sub(u8::from(value >= centre) & inside)
     }
 
     #[inline(always)]

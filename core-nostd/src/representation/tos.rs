@@ -89,8 +89,8 @@ struct Lowering {
 
 impl Stamp for Lowering {
     #[inline(always)]
-    fn around(self, value: u8, _: u8) -> u8 {
-        let lower = value.saturating_sub(1);
+    fn around(self, value: u8, _: u8, inside: u8) -> u8 {
+        let lower = value.saturating_sub(inside); // every value is 0 or no less than the threshold
         if lower < self.threshold { 0 } else { lower }
     }
 
