@@ -16,7 +16,7 @@ use lobula_core::transform::{
     NoParams, ResizeParams, Rotate90Params, ScaleParams, TimeScaleParams, TimeShiftParams, TimeWindowParams,
     TranslateParams,
 };
-use lobula_core::{Block, Event, Polarity};
+use lobula_core::{Block, Event, Polarity, Span};
 use lobula_formats::LargeArray;
 
 use crate::contest::Contest;
@@ -199,6 +199,30 @@ pub fn middle_half(first: u64, last: u64) -> (u64, u64) {
     (first + quarter, last - quarter)
 }
 
+/// Bytes of an array up to which glibc, once it has freed one, gives the same memory again: what a program that works on
+/// slice after slice gets, and what the peer gets inside its calls. Beyond, every array is mapped anew.
+const REUSED_BYTES: usize = 32 << 20;
+
+/// Events in a fresh array.
+#[derive(Debug)]
+pub enum Events {
+    /// From the allocator, as far as it may reuse memory.
+    Allocated(Vec<Event>),
+    /// Mapped on large pages.
+    Mapped(LargeArray<Event>),
+}
+
+impl std::ops::Deref for Events {
+    type Target = [Event];
+
+    fn deref(&self) -> &[Event] {
+        match self {
+            Self::Allocated(events) => events,
+            Self::Mapped(events) => events,
+        }
+    }
+}
+
 /// The scene's events as `stage` leaves them, in a fresh array: each packet is worked on where it will stay.
 ///
 /// # Errors
@@ -206,14 +230,25 @@ pub fn middle_half(first: u64, last: u64) -> (u64, u64) {
 fn worked_on(
     scene: &Scene,
     mut stage: impl FnMut(&mut Block<'_>) -> Result<usize, String>,
-) -> Result<LargeArray<Event>, String> {
+) -> Result<Events, String> {
+    let packets = packets(scene.span(scene.events.len()));
+    if size_of_val(&scene.events[..]) < REUSED_BYTES {
+        let mut events = Vec::with_capacity(scene.events.len());
+        for Span { t_first, t_last, geometry, events: packet } in packets {
+            let start = events.len();
+            events.extend_from_slice(packet);
+            let left = stage(&mut Block::new(t_first, t_last, geometry, &mut events[start..]))?;
+            events.truncate(start + left);
+        }
+        return Ok(Events::Allocated(events));
+    }
     let mut events = LargeArray::zeroed(scene.events.len()).map_err(|e| e.to_string())?;
     let mut left = 0;
-    for packet in packets(scene.span(scene.events.len())) {
+    for packet in packets {
         left += stage(&mut block_of(packet, &mut events[left..]))?;
     }
     events.truncate(left);
-    Ok(events)
+    Ok(Events::Mapped(events))
 }
 
 /// Whether both sides give the same events in the same order.

@@ -6,9 +6,8 @@ use lobula_core::augmentation::Seed;
 use lobula_core::chain::{AnyTransform, StageSpec};
 use lobula_core::transform::TransformError;
 use lobula_core::{Event, Geometry, Span, Transform};
-use lobula_formats::LargeArray;
 
-use super::{Op, same_events, worked_on};
+use super::{Events, Op, same_events, worked_on};
 use crate::contest::{Contest, Protocol, Unit, Work};
 use crate::input::{PACKET_EVENTS, Scene, block_of, packets};
 use crate::peers::Library;
@@ -122,7 +121,7 @@ impl Moved {
 }
 
 /// The scene's events as `transform` moves them, in a fresh array.
-fn move_all(scene: &Scene, transform: &mut impl Transform) -> Result<LargeArray<Event>, String> {
+fn move_all(scene: &Scene, transform: &mut impl Transform) -> Result<Events, String> {
     worked_on(scene, |block| transform.apply(block).map_err(|e| e.to_string()))
 }
 

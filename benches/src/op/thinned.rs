@@ -4,9 +4,8 @@ use std::hint::black_box;
 
 use lobula_core::chain::{AnyFilter, StageSpec};
 use lobula_core::{Event, Filter};
-use lobula_formats::LargeArray;
 
-use super::{Op, same_events, worked_on};
+use super::{Events, Op, same_events, worked_on};
 use crate::contest::{Contest, Protocol, Unit, Work};
 use crate::input::{PACKET_EVENTS, Scene, block_of, packets};
 use crate::peers::Library;
@@ -117,7 +116,7 @@ impl Thinned {
 ///
 /// # Errors
 /// A sentence, where there is no memory.
-pub fn thin(scene: &Scene, filter: &mut impl Filter) -> Result<LargeArray<Event>, String> {
+pub fn thin(scene: &Scene, filter: &mut impl Filter) -> Result<Events, String> {
     worked_on(scene, |block| filter.retain(block).map_err(|e| e.to_string()))
 }
 
