@@ -2,7 +2,7 @@
 
 use super::chance::ratio;
 use super::{Kind, Seed};
-use crate::transform::{TransformError, is_within, select};
+use crate::transform::{TransformError, keep_by_time};
 use crate::{Block, Geometry, Transform, Unfit, Window};
 
 /// Parameters of [`DropByTime`].
@@ -62,13 +62,6 @@ impl Transform for DropByTime {
     }
 
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
-        let is_within = is_within(self.dropped, block.t_first);
-        Ok(select(
-            block,
-            self.geometry,
-            self.geometry,
-            #[inline(always)]
-            move |word, _| (word, !is_within(word)),
-        )?)
+        keep_by_time(block, self.geometry, self.dropped, false)
     }
 }

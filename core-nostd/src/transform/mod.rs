@@ -53,7 +53,7 @@ pub use resize::{Resize, ResizeParams, Scale, ScaleParams};
 pub use rotate90::{Rotate90, Rotate90Params};
 pub use time_scale::{TimeScale, TimeScaleParams};
 pub use time_shift::{TimeShift, TimeShiftParams};
-pub(crate) use time_window::is_within;
+pub(crate) use time_window::keep_by_time;
 pub use time_window::{TimeWindow, TimeWindowParams};
 pub use translate::{Translate, TranslateParams};
 pub use transpose::Transpose;

@@ -2,6 +2,7 @@
 
 use super::TransformError;
 use super::pixels::select;
+use crate::vector::in_order;
 use crate::{Block, Geometry, Transform, Unfit, Window};
 
 /// Parameters of [`TimeWindow`].
@@ -52,25 +53,53 @@ impl Transform for TimeWindow {
 
     fn apply(&mut self, block: &mut Block<'_>) -> Result<usize, Unfit> {
         let window = Window { t0: self.params.t0_us, t1: self.params.t1_us };
-        let is_within = is_within(window, block.t_first);
-        Ok(select(
-            block,
-            self.geometry,
-            self.geometry,
-            #[inline(always)]
-            move |word, _| (word, is_within(word)),
-        )?)
+        keep_by_time(block, self.geometry, window, true)
     }
+}
+
+/// Keeps the events of a sensor's block that are of the window, or those that are not; returns how many.
+///
+/// Nearly every block lies on one side of a window's borders. Whether this one does is counted first, which reads and does
+/// not write.
+#[inline(always)]
+pub(crate) fn keep_by_time(
+    block: &mut Block<'_>,
+    geometry: Geometry,
+    window: Window,
+    within: bool,
+) -> Result<usize, Unfit> {
+    geometry.check(block.geometry)?;
+    let is_within = is_within(window, block.t_first);
+    let events = block.span().events;
+    let inside = in_order(
+        #[inline(always)]
+        || events.iter().filter(|event| is_within(event.word())).count(),
+    );
+    let kept = if within { inside } else { block.len() - inside };
+    match kept {
+        0 => block.truncate(0),
+        kept if kept == block.len() => {}
+        _ => {
+            select(
+                block,
+                geometry,
+                geometry,
+                #[inline(always)]
+                move |word, _| (word, is_within(word) == within),
+            )?;
+        }
+    }
+    Ok(kept)
 }
 
 /// Whether an event's word, of a block with this anchor, is of the window.
 #[inline(always)]
-pub(crate) fn is_within(window: Window, anchor: u64) -> impl Fn(u64) -> bool {
-    let offset = |t: u64| (i128::from(t) - i128::from(anchor)).clamp(-(1 << 40), 1 << 40) as i64;
+fn is_within(window: Window, anchor: u64) -> impl Fn(u64) -> bool {
+    // Where the window begins and ends among the times that such an event can have.
+    let offset = |t: u64| (i128::from(t) - i128::from(anchor)).clamp(-(1 << 31), 1 << 31) as i64;
     let (low, high) = (offset(window.t0), offset(window.t1));
+    let (first, is_empty) = ((anchor as u32).wrapping_add(low as u32), low >= high);
+    let length = (high - low).wrapping_sub(1) as u32;
     #[inline(always)]
-    move |word| {
-        let t = i64::from((word as u32).wrapping_sub(anchor as u32) as i32);
-        (t >= low) & (t < high)
-    }
+    move |word| ((word as u32).wrapping_sub(first) <= length) & !is_empty
 }
