@@ -1,22 +1,32 @@
 //! Surfaces on which an event changes all pixels around its own: bytes in memory of the caller's, with a margin, so that
 //! every neighbourhood lies in it.
 
+mod rows;
+
+use core::hint::black_box;
+
 use crate::prefetch::prefetch;
 use crate::representation::BadRepresentation;
 use crate::representation::index::{Draw, Places, draw_each};
 use crate::vector::widest;
 use crate::{Event, Geometry};
+use rows::change_rows;
 
 /// The greatest radius: a row of a neighbourhood is then 15 pixels.
 pub(super) const RADIUS_MAX: u16 = 7;
 
-/// Bytes that are changed at once, of which a row of a neighbourhood is the first ones.
+/// Bytes that are changed at once, of which a row of a neighbourhood is the first ones: with radii up to 3, and with all.
+const SHORT_ROW: usize = 8;
 const ROW: usize = 16;
 
 /// What an event does to the pixels around its own.
 pub(super) trait Stamp: Copy {
-    /// A pixel's new value where `inside` is 1, the one it has where `inside` is 0; the event's own pixel was `centre`.
-    fn around(self, value: u8, centre: u8, inside: u8) -> u8;
+    /// What is to be known of a column of bytes before they are looked at: `outside`, all bits of which are set if they are
+    /// not of the neighbourhood and must stay, and what the event's own pixel was.
+    fn column(self, outside: u8, centre: u8) -> u8;
+
+    /// A byte's new value, in this column.
+    fn around(self, value: u8, column: u8) -> u8;
 
     /// The new value of the event's own pixel.
     fn own(self) -> u8;
@@ -40,8 +50,7 @@ const fn padded(geometry: Geometry) -> Geometry {
 impl<S: AsRef<[u32]> + AsMut<[u32]>> Patches<S> {
     /// Elements of the state.
     pub(super) const fn state_len(geometry: Geometry, planes: usize) -> usize {
-        // Beyond the last row of a neighbourhood lies what 16 bytes are more.
-        (planes * padded(geometry).pixels() + ROW).div_ceil(size_of::<u32>())
+        (planes * padded(geometry).pixels()).div_ceil(size_of::<u32>())
     }
 
     /// All 0, whatever the state held; the radius is 1 to [`RADIUS_MAX`].
@@ -68,13 +77,30 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Patches<S> {
 
     /// Stamps each event, in order, on the plane of its polarity (ON, OFF) or the only one.
     pub(super) fn accumulate(&mut self, events: &[Event], stamp: impl Stamp) {
+        match self.radius {
+            1 => self.draw::<3, SHORT_ROW>(events, stamp),
+            2 => self.draw::<5, SHORT_ROW>(events, stamp),
+            3 => self.draw::<7, SHORT_ROW>(events, stamp),
+            4 => self.draw::<9, ROW>(events, stamp),
+            5 => self.draw::<11, ROW>(events, stamp),
+            6 => self.draw::<13, ROW>(events, stamp),
+            _ => self.draw::<15, ROW>(events, stamp),
+        }
+    }
+
+    fn draw<const ROWS: u16, const N: usize>(&mut self, events: &[Event], stamp: impl Stamp) {
         let padded = padded(self.geometry);
         let places = if self.planes == 2 { Places::by_polarity(padded) } else { Places::by_pixel(padded) };
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(self.state.as_mut());
-        let mut stamping = Stamping::new(stamp, self.radius, padded.width.into());
+        // Bytes that it knows, the compiler takes one by one, out of the vector that the others are in.
+        let outside = black_box(const { &outside::<ROWS, N>() });
         widest(
+            // The closure owns what it draws with. Else each byte written may have changed that.
             #[inline(always)]
-            || draw_each(events, places, bytes, &mut stamping),
+            move || {
+                let mut stamping = Stamping::<_, ROWS, N> { stamp, width: padded.width, outside };
+                draw_each(events, places, bytes, &mut stamping);
+            },
         );
     }
 
@@ -93,30 +119,26 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Patches<S> {
     }
 }
 
-/// Stamps events. An event's index in the padded plane is that of the first pixel of its neighbourhood when the radius is
-/// the greatest.
-struct Stamping<T> {
+/// Stamps events on neighbourhoods of `ROWS` rows, changing `N` bytes of each. An event's index in the padded plane is that of
+/// the first pixel of its neighbourhood when the radius is the greatest.
+struct Stamping<T, const ROWS: u16, const N: usize> {
     stamp: T,
-    width: usize,
-    /// From the event's index to the first row of its neighbourhood, and to its own pixel.
-    first: usize,
-    own: usize,
-    rows: usize,
-    /// 1 for the pixels of a row.
-    inside: [u8; ROW],
+    width: u16,
+    /// All bits of the bytes that are not of a row.
+    outside: &'static [u8; N],
 }
 
-impl<T: Stamp> Stamping<T> {
-    fn new(stamp: T, radius: u16, width: usize) -> Self {
-        let (radius, most) = (usize::from(radius), usize::from(RADIUS_MAX));
-        let rows = 2 * radius + 1;
-        let inside = core::array::from_fn(|i| (i < rows) as u8);
-        let (first, own) = ((most - radius) * (width + 1), most * (width + 1));
-        Self { stamp, width, first, own, rows, inside }
+impl<T, const ROWS: u16, const N: usize> Stamping<T, ROWS, N> {
+    const RADIUS: usize = ROWS as usize / 2;
+
+    /// What lies between two pixels, of which one is that many rows and columns further.
+    #[inline(always)]
+    fn diagonal(&self, pixels: usize) -> usize {
+        pixels * (usize::from(self.width) + 1)
     }
 }
 
-impl<T: Stamp> Draw for Stamping<T> {
+impl<T: Stamp, const ROWS: u16, const N: usize> Draw for Stamping<T, ROWS, N> {
     type Pixel = u8;
     type Value = ();
 
@@ -125,22 +147,42 @@ impl<T: Stamp> Draw for Stamping<T> {
 
     #[inline(always)]
     fn look_ahead(&self, out: &[u8], at: usize) {
-        prefetch(out, at + self.own);
+        prefetch(out, at + self.diagonal(RADIUS_MAX.into()));
     }
 
     #[inline(always)]
     fn draw(&mut self, out: &mut [u8], at: usize, (): ()) {
-        let Some(centre) = out.get(at + self.own).copied() else { return };
-        let mut start = at + self.first;
-        for _ in 0..self.rows {
-            let Some(row) = out.get_mut(start..).and_then(|row| row.first_chunk_mut::<ROW>()) else { break };
-            for (value, inside) in row.iter_mut().zip(self.inside) {
-                *value = self.stamp.around(*value, centre, inside);
-            }
-            start += self.width;
-        }
-        if let Some(own) = out.get_mut(at + self.own) {
+        let start = at + self.diagonal(usize::from(RADIUS_MAX) - Self::RADIUS);
+        let len = usize::from(ROWS) * usize::from(self.width);
+        let Some(patch) = out.get_mut(start..).and_then(|patch| patch.get_mut(..len)) else { return };
+        let Some(own) = patch.get(self.diagonal(Self::RADIUS)) else { return };
+        let columns = self.outside.map(
+            #[inline(always)]
+            |outside| self.stamp.column(outside, *own),
+        );
+        change_rows::<ROWS, N>(
+            patch,
+            self.width,
+            #[inline(always)]
+            |row| {
+                for (value, column) in row.iter_mut().zip(&columns) {
+                    *value = self.stamp.around(*value, *column);
+                }
+            },
+        );
+        if let Some(own) = patch.get_mut(self.diagonal(Self::RADIUS)) {
             *own = self.stamp.own();
         }
     }
+}
+
+/// All bits of the bytes that are not of a row of as many pixels.
+const fn outside<const ROWS: u16, const N: usize>() -> [u8; N] {
+    let mut outside = [u8::MAX; N];
+    let mut column = 0;
+    while column < ROWS as usize {
+        outside[column] = 0;
+        column += 1;
+    }
+    outside
 }

@@ -83,9 +83,15 @@ struct Ranking {
 }
 
 impl Stamp for Ranking {
+    /// The least value that goes back. No value is as great as that of the columns outside.
     #[inline(always)]
-    fn around(self, value: u8, centre: u8, inside: u8) -> u8 {
-        value.saturating_sub(u8::from(value >= centre) & inside)
+    fn column(self, outside: u8, centre: u8) -> u8 {
+        centre.max(1) | outside
+    }
+
+    #[inline(always)]
+    fn around(self, value: u8, least: u8) -> u8 {
+        value.wrapping_sub(u8::from(value >= least))
     }
 
     #[inline(always)]

@@ -88,9 +88,15 @@ struct Lowering {
 }
 
 impl Stamp for Lowering {
+    /// What is taken from a value.
     #[inline(always)]
-    fn around(self, value: u8, _: u8, inside: u8) -> u8 {
-        let lower = value.saturating_sub(inside); // every value is 0 or no less than the threshold
+    fn column(self, outside: u8, _: u8) -> u8 {
+        !outside & 1
+    }
+
+    #[inline(always)]
+    fn around(self, value: u8, less: u8) -> u8 {
+        let lower = value.saturating_sub(less); // every value is 0 or no less than the threshold
         if lower < self.threshold { 0 } else { lower }
     }
 
