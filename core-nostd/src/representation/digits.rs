@@ -198,30 +198,51 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
         }
     }
 
-    /// Writes a function of each pixel's pair of levels (ON, OFF), which are functions of the counts.
-    pub(super) fn map_pairs<T: Copy>(
+    /// Compares each pixel's levels of ON and OFF events, which grow with the counts. `on` and `off` get the shade of their
+    /// level where it is the greater one (that of ON at a tie) and 255 elsewhere, `greater` that of the greater level. A
+    /// greater level has no greater shade.
+    pub(super) fn map_greater(
         &self,
-        out: &mut [u8],
-        [on_level, off_level]: [impl Fn(u32) -> T; 2],
-        function: impl Fn(T, T) -> u8,
+        [on, off]: [&mut [u8]; 2],
+        greater: &mut [u8],
+        levels: [impl Fn(u32) -> f32; 2],
+        shade: impl Fn(f32) -> u8,
     ) {
-        let pixels = self.geometry.pixels();
-        let (on_table, off_table) = (table(&on_level), table(&off_level));
+        let (pixels, [on_level, off_level]) = (self.geometry.pixels(), &levels);
+        let shades = [table(&|count| shade(on_level(count))), table(&|count| shade(off_level(count)))];
+        // ON prevails over as many OFF events or fewer.
+        let mut most = 0;
+        let beaten = table(&|count| count).map(|count| {
+            while most < u8::MAX && off_level(u32::from(most) + 1) <= on_level(count) {
+                most += 1;
+            }
+            most
+        });
         let (ons, offs) = self.lowest().split_at_checked(pixels).unwrap_or_default();
-        let nothing = function(on_table[0], off_table[0]);
-        for ((out, ons), offs) in out.chunks_mut(8).zip(ons.chunks(8)).zip(offs.chunks(8)) {
-            if ons.iter().chain(offs).fold(0, |any, digit| any | digit) == 0 {
-                out.iter_mut().zip(ons).for_each(|(out, _)| *out = nothing);
-                continue;
-            }
-            for (out, (on, off)) in out.iter_mut().zip(ons.iter().zip(offs)) {
-                *out = function(on_table[usize::from(*on)], off_table[usize::from(*off)]);
-            }
+        for from in (0..pixels).step_by(RUN) {
+            let [ons, offs] = [ons, offs].map(|counts| counts.get(from..).unwrap_or_default());
+            let (on, off, greater) = (run(on, from), run(off, from), run(greater, from));
+            lines::look_up_bytes(ons, on, &shades[0]);
+            lines::look_up_bytes(offs, off, &shades[1]);
+            lines::look_up_bytes(ons, greater, &beaten);
+            in_order(
+                #[inline(always)]
+                || {
+                    for (((on, off), greater), count) in on.iter_mut().zip(off).zip(greater).zip(offs) {
+                        let is_on = u8::from(*count <= *greater).wrapping_neg();
+                        (*on, *off) = (*on | !is_on, *off | is_on);
+                        *greater = *on & *off;
+                    }
+                },
+            );
         }
         for at in self.large().map(|at| self.pixel(at)) {
-            if let Some(out) = out.get_mut(at) {
-                *out = function(on_level(self.count(at)), off_level(self.count(pixels + at)));
-            }
+            let (on_level, off_level) = (on_level(self.count(at)), off_level(self.count(pixels + at)));
+            let is_on = on_level >= off_level;
+            let shade = shade(if is_on { on_level } else { off_level });
+            let out = [on.get_mut(at), off.get_mut(at), greater.get_mut(at)];
+            let shades = [if is_on { shade } else { u8::MAX }, if is_on { u8::MAX } else { shade }, shade];
+            out.into_iter().flatten().zip(shades).for_each(|(out, shade)| *out = shade);
         }
     }
 
@@ -399,6 +420,26 @@ mod tests {
             }
             digits.clear();
             assert!(digits.state.iter().all(|word| *word == 0) && digits.percentile(0..30, 50) == 1.0);
+        }
+    }
+
+    #[test]
+    fn the_greater_level_prevails() {
+        let counts: Vec<usize> = (0..30).map(|i| [0, 1, 2, 3, 15, 16, 255, 256, 300][i * 7 % 9]).collect();
+        let digits = counted(&counts);
+        for (on_full, off_full) in
+            [(1.0, 1.0), (2.0, 3.0), (3.0, 3.0), (17.0, 2.5), (300.0, 256.0), (2.0, 400.0)]
+        {
+            let levels = [on_full, off_full].map(|full| move |count: u32| (count as f32).min(full) / full);
+            let shade = |level: f32| ((1.0 - level) * 255.0) as u8;
+            let [mut on, mut off, mut greater] = [[0xA5; 15]; 3];
+            digits.map_greater([&mut on, &mut off], &mut greater, levels, shade);
+            for pixel in 0..15 {
+                let [is, is_not] = [levels[0](counts[pixel] as u32), levels[1](counts[pixel + 15] as u32)];
+                let expected = if is >= is_not { [shade(is), 255] } else { [255, shade(is_not)] };
+                let found = ([on[pixel], off[pixel]], greater[pixel]);
+                assert_eq!(found, (expected, shade(is.max(is_not))), "{is} {is_not}");
+            }
         }
     }
 

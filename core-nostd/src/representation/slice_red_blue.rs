@@ -67,9 +67,7 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Representation for SliceRedBlue<S> {
         let levels = alphas.map(|alpha| move |count: u32| (count as f32).min(alpha as f32) / alpha as f32);
         let faded = |value: f32| ((1.0 - value) * 255.0) as u8;
         let [red, green, blue] = self.counts.planes(out);
-        self.counts.map_pairs(red, levels, |on, off| if on >= off { u8::MAX } else { faded(off) });
-        self.counts.map_pairs(green, levels, |on, off| faded(on.max(off)));
-        self.counts.map_pairs(blue, levels, |on, off| if on >= off { faded(on) } else { u8::MAX });
+        self.counts.map_greater([blue, red], green, levels, faded);
     }
 
     fn overlap(&self) -> Overlap {
