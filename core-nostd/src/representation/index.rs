@@ -147,9 +147,11 @@ impl<T: Copy + Default> Group<T> {
         for line in (0..GROUP).step_by(LINE) {
             prefetch(events, EVENTS_AHEAD + line);
         }
-        indices(places, events, &mut self.indices);
-        for (value, (at, event)) in self.values.iter_mut().zip(self.indices.iter_mut().zip(events)) {
-            *value = drawing.prepare(*event, at);
+        let [times, pixels] = halves(events);
+        indices(places, &pixels, &mut self.indices);
+        let known = self.values.iter_mut().zip(&mut self.indices);
+        for ((value, at), (t, pixel)) in known.zip(times.iter().zip(&pixels)) {
+            *value = drawing.prepare(event(*t, *pixel), at);
         }
         for at in self.indices {
             drawing.look_ahead(out, at as usize);
@@ -171,13 +173,26 @@ mod sse2;
 use sse2::indices;
 
 #[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
-use one_by_one as indices;
+use index_of_each as indices;
 
-/// Writes the index of each event to `out`.
+/// The event of these halves of its word.
 #[inline(always)]
-fn one_by_one(places: Places, events: &[Event; GROUP], out: &mut [u32; GROUP]) {
-    for (event, out) in events.iter().zip(out) {
-        *out = places.of(*event);
+fn event(t: u32, pixel: u32) -> Event {
+    Event::from_word(u64::from(t) | u64::from(pixel) << 32)
+}
+
+/// The times of events, and the other halves of their words. Apart they are vectors to the compiler, and so is what is computed
+/// of them: that takes a third off the time of Tencode.
+#[inline(always)]
+fn halves(events: &[Event; GROUP]) -> [[u32; GROUP]; 2] {
+    [events.map(Event::t), events.map(|event| (event.word() >> 32) as u32)]
+}
+
+/// Writes the index of each event to `out`, of which `pixels` holds the column below row and polarity.
+#[inline(always)]
+fn index_of_each(places: Places, pixels: &[u32; GROUP], out: &mut [u32; GROUP]) {
+    for (pixel, out) in pixels.iter().zip(out) {
+        *out = places.of(event(0, *pixel));
     }
 }
 

@@ -4,18 +4,18 @@
 
 use core::arch::x86_64::*;
 
-use super::{Event, GROUP, Places, one_by_one};
+use super::{GROUP, Places, index_of_each};
 
 /// Columns and widths from here on are negative to that instruction.
 const WIDTH_END: u16 = 1 << 15;
 
-/// Writes the index of each event to `out`.
+/// Writes the index of each event to `out`, of which `pixels` holds the column below row and polarity.
 #[inline(always)]
-pub(super) fn indices(places: Places, events: &[Event; GROUP], out: &mut [u32; GROUP]) {
+pub(super) fn indices(places: Places, pixels: &[u32; GROUP], out: &mut [u32; GROUP]) {
     if places.width >= WIDTH_END {
-        return one_by_one(places, events, out);
+        return index_of_each(places, pixels, out);
     }
-    for (four, out) in events.as_chunks::<4>().0.iter().zip(out.as_chunks_mut::<4>().0) {
+    for (four, out) in pixels.as_chunks::<4>().0.iter().zip(out.as_chunks_mut::<4>().0) {
         // SAFETY: this file is only compiled where SSE2 is there.
         *out = unsafe { four_indices(places, *four) };
     }
@@ -23,11 +23,9 @@ pub(super) fn indices(places: Places, events: &[Event; GROUP], out: &mut [u32; G
 
 #[inline]
 #[target_feature(enable = "sse2")]
-fn four_indices(places: Places, events: [Event; 4]) -> [u32; 4] {
-    let [low, high]: [__m128i; 2] = bytemuck::cast(events);
-    let (low, high) = (_mm_castsi128_ps(low), _mm_castsi128_ps(high));
-    // Of each event the second half: column below row, with the polarity as the row's sign.
-    let pixels = _mm_castps_si128(_mm_shuffle_ps::<0b11_01_11_01>(low, high));
+fn four_indices(places: Places, pixels: [u32; 4]) -> [u32; 4] {
+    // The polarity is the row's sign.
+    let pixels: __m128i = bytemuck::cast(pixels);
     let on = _mm_srai_epi32::<31>(pixels);
     let factors = _mm_set1_epi32(i32::from(places.width) << 16 | 1);
     // Rows of ON events count from -32768.
