@@ -150,8 +150,13 @@ fn scale(now: u32, queues: &[u32], depth: usize, age_max: f32, ln_min: f32, plan
                 }
             }
             let plane = planes.get_mut(k * pixels + start..).unwrap_or_default();
-            for (pixel, value) in plane.iter_mut().take(queues.len() / depth).zip(values) {
-                *pixel = value;
+            match plane.first_chunk_mut::<RUN>() {
+                Some(plane) if queues.len() == RUN * depth => *plane = values,
+                _ => plane
+                    .iter_mut()
+                    .take(queues.len() / depth)
+                    .zip(values)
+                    .for_each(|(pixel, value)| *pixel = value),
             }
         }
     }
