@@ -22,6 +22,9 @@ const EVENTS_AHEAD: usize = 256;
 /// Events of a cache line.
 const LINE: usize = 64 / size_of::<Event>();
 
+/// Whether the CPU has vectors, which small cores have not.
+const VECTORS: bool = !cfg!(target_pointer_width = "32");
+
 /// How the elements of a tensor are numbered.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Places {
@@ -147,11 +150,20 @@ impl<T: Copy + Default> Group<T> {
         for line in (0..GROUP).step_by(LINE) {
             prefetch(events, EVENTS_AHEAD + line);
         }
-        let [times, pixels] = halves(events);
-        indices(places, &pixels, &mut self.indices);
-        let known = self.values.iter_mut().zip(&mut self.indices);
-        for ((value, at), (t, pixel)) in known.zip(times.iter().zip(&pixels)) {
-            *value = drawing.prepare(event(*t, *pixel), at);
+        if VECTORS {
+            let [times, pixels] = halves(events);
+            indices(places, &pixels, &mut self.indices);
+            let known = self.values.iter_mut().zip(&mut self.indices);
+            for ((value, at), (t, pixel)) in known.zip(times.iter().zip(&pixels)) {
+                *value = drawing.prepare(event(*t, *pixel), at);
+            }
+        } else {
+            for (at, event) in self.indices.iter_mut().zip(events) {
+                *at = places.of(*event);
+            }
+            for (value, (at, event)) in self.values.iter_mut().zip(self.indices.iter_mut().zip(events)) {
+                *value = drawing.prepare(*event, at);
+            }
         }
         for at in self.indices {
             drawing.look_ahead(out, at as usize);
