@@ -17,6 +17,7 @@
 
 use crate::compact::compact;
 use crate::prefetch::prefetch;
+use crate::vector::SMALL_CORE;
 use crate::{Block, Event, Geometry, WrongGeometry, full_time};
 use bytemuck::Pod;
 use core::cell::Cell;
@@ -342,7 +343,7 @@ impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> TimeMap<T, S> {
             rest = after;
             let clock = self.clock();
             let Some(pixels) = self.pixels() else { break };
-            if BRANCHES {
+            if SMALL_CORE {
                 for event in run {
                     let (event, place) = (event.get(), pixels.place(event.get()) as usize);
                     if keep(&pixels, place, event, T::stamp(&clock, event.t())) {
@@ -460,9 +461,6 @@ impl<T: Stamp, S: AsRef<[T]> + AsMut<[T]>> TimeMap<T, S> {
 fn cell_of<T: Stamp>(ticks: u64) -> u64 {
     ticks & !(T::CELL - 1)
 }
-
-/// Whether a branch on each verdict is the cheapest, as on small cores, which have no cache to fetch into ahead either.
-const BRANCHES: bool = cfg!(target_pointer_width = "32");
 
 /// Events whose places are looked up ahead of their verdicts, so that the memory is there when it is needed.
 const BATCH: usize = 32;

@@ -5,6 +5,9 @@
 //! bits (fused multiply-add is not switched on). Counting by polarity takes 2.1 ms per 1.22 million events with AVX2 and 3.0 without
 //! (Sapphire Rapids, one busy core, 2026-11). In no_std, and on other CPUs, what the target is compiled for is all.
 
+/// Whether this is a small core, as of a microcontroller: no vectors, no cache to fetch into ahead, and cheap branches.
+pub(crate) const SMALL_CORE: bool = cfg!(target_pointer_width = "32");
+
 /// Does `work`, compiled for AVX2 where the CPU has it. Give it a closure with `#[inline(always)]` that calls nothing
 /// which is not: what is not inlined stays as it was compiled.
 ///

@@ -17,6 +17,7 @@ use super::plane::{self, Plane};
 use super::support::{PolarityMatch, recent, recent_alike};
 use super::{FilterError, check_support, cleared};
 use crate::time_map::{Pixels, Reach, Stamp, TimeMap};
+use crate::vector::SMALL_CORE;
 use crate::{Block, Event, Filter, Geometry, Polarity, WrongGeometry};
 
 /// Parameters of [`Denoise`]. Times in µs are below 2^30 (`u32` map) or 2^14 ticks (`u16`), rounded down to ticks.
@@ -64,9 +65,6 @@ pub struct Denoise<T, S> {
     map: TimeMap<T, S>,
     rules: Rules,
 }
-
-/// Whether branches are cheap, as on a microcontroller: it saves to count the neighbours of what is dropped anyway.
-const SMALL: bool = cfg!(target_pointer_width = "32");
 
 /// The age that every event has reached: the period of a rule that is off.
 const OFF: i32 = i32::MIN;
@@ -133,7 +131,8 @@ fn is_signal<T: Stamp, const TRAILS: bool, const ALIKE: bool>(
         return None;
     }
     let (pixel, neighbours) = pixels.neighbourhood(place)?;
-    if SMALL && !(TRAILS | ALIKE) && now.age(pixel.get()) < rules.refractory {
+    // Where branches are cheap, it saves to count the neighbours of what is dropped anyway.
+    if SMALL_CORE && !(TRAILS | ALIKE) && now.age(pixel.get()) < rules.refractory {
         pixel.set(now);
         return Some(false);
     }

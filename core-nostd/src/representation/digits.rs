@@ -212,8 +212,8 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
         let shades = [table(&|count| shade(on_level(count))), table(&|count| shade(off_level(count)))];
         // ON prevails over as many OFF events or fewer.
         let mut most = 0;
-        let beaten = table(&|count| count).map(|count| {
-            while most < u8::MAX && off_level(u32::from(most) + 1) <= on_level(count) {
+        let beaten = core::array::from_fn(|count| {
+            while most < u8::MAX && off_level(u32::from(most) + 1) <= on_level(count as u32) {
                 most += 1;
             }
             most
@@ -240,9 +240,12 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Digits<S> {
             let (on_level, off_level) = (on_level(self.count(at)), off_level(self.count(pixels + at)));
             let is_on = on_level >= off_level;
             let shade = shade(if is_on { on_level } else { off_level });
-            let out = [on.get_mut(at), off.get_mut(at), greater.get_mut(at)];
-            let shades = [if is_on { shade } else { u8::MAX }, if is_on { u8::MAX } else { shade }, shade];
-            out.into_iter().flatten().zip(shades).for_each(|(out, shade)| *out = shade);
+            let [on_shade, off_shade] = if is_on { [shade, u8::MAX] } else { [u8::MAX, shade] };
+            for (plane, shade) in [(&mut *on, on_shade), (&mut *off, off_shade), (&mut *greater, shade)] {
+                if let Some(out) = plane.get_mut(at) {
+                    *out = shade;
+                }
+            }
         }
     }
 

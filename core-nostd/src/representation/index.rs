@@ -3,6 +3,7 @@
 use core::marker::PhantomData;
 
 use crate::prefetch::prefetch;
+use crate::vector::SMALL_CORE;
 use crate::{Event, Geometry};
 
 /// Events whose indices are worked out together: with vectors, and few enough that no loop is left of it.
@@ -21,9 +22,6 @@ const EVENTS_AHEAD: usize = 256;
 
 /// Events of a cache line.
 const LINE: usize = 64 / size_of::<Event>();
-
-/// Whether the CPU has vectors, which small cores have not.
-const VECTORS: bool = !cfg!(target_pointer_width = "32");
 
 /// How the elements of a tensor are numbered.
 #[derive(Clone, Copy, Debug)]
@@ -150,7 +148,7 @@ impl<T: Copy + Default> Group<T> {
         for line in (0..GROUP).step_by(LINE) {
             prefetch(events, EVENTS_AHEAD + line);
         }
-        if VECTORS {
+        if !SMALL_CORE {
             let [times, pixels] = halves(events);
             indices(places, &pixels, &mut self.indices);
             let known = self.values.iter_mut().zip(&mut self.indices);
@@ -158,6 +156,7 @@ impl<T: Copy + Default> Group<T> {
                 *value = drawing.prepare(event(*t, *pixel), at);
             }
         } else {
+            // As they are, which takes a fifth fewer instructions there.
             for (at, event) in self.indices.iter_mut().zip(events) {
                 *at = places.of(*event);
             }
@@ -194,7 +193,7 @@ fn event(t: u32, pixel: u32) -> Event {
 }
 
 /// The times of events, and the other halves of their words. Apart they are vectors to the compiler, and so is what is computed
-/// of them: that takes a third off the time of Tencode.
+/// of them: Tencode takes 0.6 of the time (Zen 5, 2026-11).
 #[inline(always)]
 fn halves(events: &[Event; GROUP]) -> [[u32; GROUP]; 2] {
     [events.map(Event::t), events.map(|event| (event.word() >> 32) as u32)]

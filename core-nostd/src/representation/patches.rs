@@ -92,8 +92,9 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Patches<S> {
         let padded = padded(self.geometry);
         let places = if self.planes == 2 { Places::by_polarity(padded) } else { Places::by_pixel(padded) };
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(self.state.as_mut());
+        let outside: [u8; N] = core::array::from_fn(|i| if i < usize::from(ROWS) { 0 } else { u8::MAX });
         // Bytes that it knows, the compiler takes one by one, out of the vector that the others are in.
-        let outside = black_box(const { &outside::<ROWS, N>() });
+        let outside = black_box(&outside);
         widest(
             // The closure owns what it draws with. Else each byte written may have changed that.
             #[inline(always)]
@@ -121,14 +122,14 @@ impl<S: AsRef<[u32]> + AsMut<[u32]>> Patches<S> {
 
 /// Stamps events on neighbourhoods of `ROWS` rows, changing `N` bytes of each. An event's index in the padded plane is that of
 /// the first pixel of its neighbourhood when the radius is the greatest.
-struct Stamping<T, const ROWS: u16, const N: usize> {
+struct Stamping<'a, T, const ROWS: u16, const N: usize> {
     stamp: T,
     width: u16,
     /// All bits of the bytes that are not of a row.
-    outside: &'static [u8; N],
+    outside: &'a [u8; N],
 }
 
-impl<T, const ROWS: u16, const N: usize> Stamping<T, ROWS, N> {
+impl<T, const ROWS: u16, const N: usize> Stamping<'_, T, ROWS, N> {
     const RADIUS: usize = ROWS as usize / 2;
 
     /// What lies between two pixels, of which one is that many rows and columns further.
@@ -138,7 +139,7 @@ impl<T, const ROWS: u16, const N: usize> Stamping<T, ROWS, N> {
     }
 }
 
-impl<T: Stamp, const ROWS: u16, const N: usize> Draw for Stamping<T, ROWS, N> {
+impl<T: Stamp, const ROWS: u16, const N: usize> Draw for Stamping<'_, T, ROWS, N> {
     type Pixel = u8;
     type Value = ();
 
@@ -174,15 +175,4 @@ impl<T: Stamp, const ROWS: u16, const N: usize> Draw for Stamping<T, ROWS, N> {
             *own = self.stamp.own();
         }
     }
-}
-
-/// All bits of the bytes that are not of a row of as many pixels.
-const fn outside<const ROWS: u16, const N: usize>() -> [u8; N] {
-    let mut outside = [u8::MAX; N];
-    let mut column = 0;
-    while column < ROWS as usize {
-        outside[column] = 0;
-        column += 1;
-    }
-    outside
 }

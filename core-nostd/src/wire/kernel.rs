@@ -66,7 +66,7 @@ impl Kernel {
         match () {
             () if Self::Avx512.is_available() => Self::Avx512,
             () if Self::Neon.is_available() => Self::Neon,
-            () if cfg!(target_pointer_width = "32") => Self::Branching,
+            () if crate::vector::SMALL_CORE => Self::Branching,
             () => Self::Portable,
         }
     }
